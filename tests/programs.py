@@ -21,7 +21,7 @@ from printer_slicer.sim.firmwares import (
 )
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.framing import checksum
+from printer_slicer.stream.framing import compute_checksum
 
 _SIMULATED = {
     "marlin": MARLIN_2_1,
@@ -65,7 +65,7 @@ class Line:
         line = (text.lower() if self.lower else text).encode()
         if self.numbered:
             line = b"N%d %s" % (number, line)
-            line = b"%s*%d" % (line, checksum(line))
+            line = b"%s*%d" % (line, compute_checksum(line))
         return line + self.comment.encode()
 
 

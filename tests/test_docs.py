@@ -12,7 +12,7 @@ from benchmarks.readme import BLOCKS, written
 from printer_slicer.diagnostics import CODES
 from printer_slicer.importing.familiar import load_profile
 from printer_slicer.planning import PLANNERS
-from printer_slicer.stream.events import Accepted, Event, LineSent, event_kind
+from printer_slicer.stream.events import Accepted, Event, LineSent, get_event_kind
 from printer_slicer.stream.states import TRANSITIONS
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -34,7 +34,7 @@ def test_the_table_of_states_is_the_one_in_the_code() -> None:
 def test_the_table_of_events_is_the_one_in_the_code() -> None:
     text = DOCS.joinpath("reference", "events.md").read_text()
     kinds = [kind for kind in get_args(Event) if kind not in {Accepted, LineSent}]
-    coded = {(event_kind(kind(*[None] * len(kind.__struct_fields__))), kind.__name__) for kind in kinds}
+    coded = {(get_event_kind(kind(*[None] * len(kind.__struct_fields__))), kind.__name__) for kind in kinds}
 
     assert set(re.findall(r"^\| `(\w+)` \| `(\w+)` \|$", text, re.MULTILINE)) == coded
 

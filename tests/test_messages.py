@@ -91,7 +91,7 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
     "a command that printers cut": (
         lambda: check_commands([b"M117 " + b"x" * 200]),
         "line 1 is 205 bytes long: 'M117 xxx",
-        "Shorten it to",
+        "Shorten the line to",
     ),
     "a command for nothing": (lambda: parse_command(""), "unknown command", "Use one of "),
     "an unknown command": (lambda: parse_command("dance"), "unknown command 'dance'", "pause"),

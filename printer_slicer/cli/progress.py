@@ -29,7 +29,7 @@ from printer_slicer.stream.events import (
     Stopping,
     StreamWarning,
     Temperature,
-    event_kind,
+    get_event_kind,
 )
 from printer_slicer.texts import format_duration
 from printer_slicer.values import as_dict
@@ -107,7 +107,7 @@ class show_progress:  # noqa: N801 - used like a function
         if isinstance(event, Accepted):
             return
         if self._json and not isinstance(event, LineSent):
-            print(json.dumps({"event": event_kind(event), **as_dict(event)}, default=str), flush=True)
+            print(json.dumps({"event": get_event_kind(event), **as_dict(event)}, default=str), flush=True)
         elif (not self._quiet and (text := _format_for_user(event))) or (
             self._verbose and (text := _format_details(event))
         ):

@@ -117,7 +117,7 @@ def _switch_heaters_off(print_: Print) -> None:
     """
     journal_data = read_journal(print_.folder)
     sent = split_gcode(print_.text).commands[: journal_data.entries + _MAX_UNACKED]
-    words = HeaterWatchdog().shutdown_lines(
+    words = HeaterWatchdog().build_shutdown_lines(
         [*sent, *(record.command for record in journal_data.lines)], assume_heated=True
     )
     port = open_port(print_.port, print_.baud)

@@ -38,7 +38,7 @@ from printer_slicer.stream.events import Identified, Prompt, Reading, Temperatur
 from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.replies import Position, Unknown, read_reply
+from printer_slicer.stream.replies import Position, UnknownCommand, read_reply
 from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.states import State
 from printer_slicer.values import Struct, replace
@@ -168,7 +168,9 @@ class PrintController:
             elif isinstance(event, stream_events.Accepted):
                 self._job.follow(event.acknowledged)
                 if journal:
-                    journal.record_accepted(self._streamer.accepted_line, event.acknowledged, self._now)
+                    journal.record_accepted(
+                        self._streamer.accepted_line_number, event.acknowledged, self._now
+                    )
         if journal and journal.failed and not self._warned:
             self._warned = True
             self._listen(
@@ -225,7 +227,7 @@ class PrintController:
             return "already cancelling"
         if self.phase is PrintPhase.STOPPING or self._waits_for_user:
             self._streamer.send_at_once(b"M108")
-        print_state = self._job.follow(self._streamer.taken)
+        print_state = self._job.follow(self._streamer.n_entries_taken)
         if self._journal:
             self._journal.record_state({"phase": "cancelling", "parked": None})
         self._scripted.clear()
@@ -256,13 +258,13 @@ class PrintController:
         if (
             command.now
             and self._setup.firmware.has_quick_stop
-            and self._job.follow(self._streamer.taken).has_comparable_positions
+            and self._job.follow(self._streamer.n_entries_taken).has_comparable_positions
         ):
             self._reported_position = None
             self._stop_due, self._stop_sent = self._now + _STOP_TIMEOUT, 0
             self._change_phase(PrintPhase.STOPPING)
             return "stopping"
-        self._start_parking(self._make_parked_state(self._job.follow(self._streamer.taken).modal))
+        self._start_parking(self._make_parked_state(self._job.follow(self._streamer.n_entries_taken).modal))
         return "pausing after the planned moves"
 
     def _discard_planned_moves(self) -> None:
@@ -281,7 +283,7 @@ class PrintController:
 
     def _on_stop_position(self, position: tuple[float, float, float, float]) -> None:
         """Park after an immediate stop; keep the moves that were not executed for the resume."""
-        print_state = self._job.follow(self._streamer.taken)
+        print_state = self._job.follow(self._streamer.n_entries_taken)
         steps = list(print_state.recent)
         index, share, distance = find_nearest_move(steps, position)
         if distance > _MAX_PATH_DISTANCE:
@@ -299,7 +301,9 @@ class PrintController:
 
     def _make_parked_state(self, modal: ModalState) -> ParkedState:
         """Return the parked state for the current pause, with the machine state to return to."""
-        return make_parked_state(modal, self._job.print_state, self._setup, self._pause, self._streamer.taken)
+        return make_parked_state(
+            modal, self._job.print_state, self._setup, self._pause, self._streamer.n_entries_taken
+        )
 
     def _start_parking(self, parked: ParkedState) -> None:
         """Record the parked state, and send the commands that park the nozzle."""
@@ -389,7 +393,7 @@ class PrintController:
         """Record a phase and the parked state in the journal."""
         if self._journal:
             parked = self.parked.as_json() if self.parked else None
-            state = {"phase": phase.value, "pushed": self._extruded, "line": self._streamer.next_line}
+            state = {"phase": phase.value, "pushed": self._extruded, "line": self._streamer.next_line_number}
             self._journal.record_state({**state, "parked": parked, "recovering_at": None})
 
     # Other commands.
@@ -397,7 +401,7 @@ class PrintController:
     def _on_cancel_object(self, command: commands.CancelObject) -> str:
         """Cancel an object on the plate."""
         job = self._job
-        name = job.cancel(command.name, self._streamer.taken)
+        name = job.cancel(command.name, self._streamer.n_entries_taken)
         cancel = self._setup.firmware.cancel_object_command
         if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
@@ -479,7 +483,7 @@ class PrintController:
         for reply in read_reply(message.text.encode()):
             if isinstance(reply, Position) and reply.e is not None:
                 self._reported_position = reply.x, reply.y, reply.z, reply.e
-            elif isinstance(reply, Unknown):
+            elif isinstance(reply, UnknownCommand):
                 self._on_unknown(parse(reply.command)[0])
 
     def _on_unknown(self, word: bytes) -> None:

@@ -342,7 +342,7 @@ class PrintSession:
         given_up = isinstance(controller.ended, Halted) and not controller.halted and self._guard != 0
         if not given_up or self._transport is None or self._streamer is None:
             return
-        words = controller.watchdog.shutdown_lines(self._job.commands[: self._streamer.taken])
+        words = controller.watchdog.build_shutdown_lines(self._job.commands[: self._streamer.n_entries_taken])
         if not words:
             return
         if self._journal:
@@ -359,7 +359,7 @@ class PrintSession:
         def on_event(event: Event) -> None:
             """Pass an event and the warnings of the link meter to the controller."""
             self._meter.on_event(event)
-            for one in (event, *self._meter.new_warnings()):
+            for one in (event, *self._meter.find_new_warnings()):
                 controller.on_event(one)
 
         while True:

@@ -1,4 +1,4 @@
-"""Timeouts of acknowledgements: when to probe a silent printer, and when to give up.
+"""Time out missing acknowledgements: when to probe a silent printer, and when to give up on it.
 
 Three clues count, from weak to strong: the response timeout of the oldest line in flight, shortened for short moves by
 measured response times; the interval at which the printer reports that it is busy; and signs of a loss, such as a
@@ -83,7 +83,7 @@ class AckTimer:
         self._n_measurements, self._slowest_response = 0, 0.0
 
     def learn_response_time(self, oldest: NumberedLine, now: float) -> None:
-        """Measure the response time of the printer: the time until the ok of `oldest` minus the time of its motion."""
+        """Learn how fast the printer answers from the ok of `oldest` at `now`; motion does not count."""
         if self.probes or isfinite(self._loss_probe_at) or oldest.timeout > _SHORT_TIMEOUT:
             return
         waited = now - max(oldest.sent, self._last_answer_at)
@@ -91,7 +91,7 @@ class AckTimer:
         self._slowest_response = max(self._slowest_response, waited - max(oldest.timeout - MARGIN, 0.0) / 2)
 
     def on_answer(self, now: float, *, is_conclusive: bool = False) -> None:
-        """Handle an answer.
+        """Restart the timeout, because the printer has answered.
 
         Args:
             now: time, s.
@@ -104,7 +104,7 @@ class AckTimer:
             self._loss_probe_at = inf
 
     def on_busy(self, now: float) -> None:
-        """Handle a busy report, and learn the interval of such reports."""
+        """Restart the timeout at a busy report, and learn the interval between busy reports."""
         interval = now - self._last_busy_at if self._last_busy_at is not None else _DEFAULT_KEEPALIVE
         interval = min(max(interval, _DEFAULT_KEEPALIVE), _MAX_KEEPALIVE)
         # The report interval may have been changed: use the longest one.
@@ -116,31 +116,31 @@ class AckTimer:
         self._busy_interval = interval
 
     def on_idle(self, oldest: NumberedLine, now: float) -> None:
-        """Handle an idle report while `oldest` waits for its acknowledgement."""
+        """Schedule a probe, because the printer reports that it is idle without acknowledging `oldest`."""
         # A report sent just before the line arrived means nothing.
         if now - oldest.sent >= _TRANSIT_TIME:
-            self.expect_loss(now)
+            self.schedule_probe(now)
 
-    def expect_loss(self, now: float) -> None:
-        """Schedule a probe soon, because a line or an answer was probably lost."""
+    def schedule_probe(self, now: float) -> None:
+        """Schedule a probe soon, because a line or its answer was probably lost."""
         self._loss_probe_at = min(self._loss_probe_at, now + _PROBE_DELAY)
 
     def next_probe_at(self, oldest: NumberedLine) -> float:
-        """Return the time of the next probe while `oldest` is unacknowledged, s; infinite for none."""
+        """Return when to send the next probe if `oldest` stays unacknowledged, s; infinite for never."""
         if not self.probes:
-            return min(self._overdue_at(oldest), self._loss_probe_at)
+            return min(self._find_overdue_time(oldest), self._loss_probe_at)
         pause = min(_PROBE_INTERVAL * 2 ** (self.probes - 1), _MAX_PROBE_INTERVAL)
         again = self._last_probe_at + pause if self.probes < _MAX_PROBES else inf
-        return min(again, self._give_up_at(oldest))
+        return min(again, self._find_give_up_time(oldest))
 
-    def has_given_up(self, oldest: NumberedLine, now: float) -> bool:
-        """Return whether the printer has been unresponsive for too long."""
-        return self.probes > 0 and now >= self._give_up_at(oldest)
+    def is_unresponsive(self, oldest: NumberedLine, now: float) -> bool:
+        """Return whether the printer has answered no probe for too long."""
+        return self.probes > 0 and now >= self._find_give_up_time(oldest)
 
-    def _overdue_at(self, oldest: NumberedLine) -> float:
-        """Return when the acknowledgement is overdue, s."""
+    def _find_overdue_time(self, oldest: NumberedLine) -> float:
+        """Return when the acknowledgement of `oldest` becomes overdue, s."""
         # A busy printer reports again before a probe makes sense.
-        timeout = self._response_timeout(oldest)
+        timeout = self._compute_timeout(oldest)
         timeout = (
             timeout
             if self._last_busy_at is None
@@ -148,22 +148,22 @@ class AckTimer:
         )
         return max(oldest.sent, self._last_answer_at) + min(timeout, self._busy_timeout)
 
-    def _response_timeout(self, oldest: NumberedLine) -> float:
-        """Return the timeout for the acknowledgement of `oldest`, s.
+    def _compute_timeout(self, oldest: NumberedLine) -> float:
+        """Return how long the acknowledgement of `oldest` may take, s.
 
-        For short motion it follows from the measured response time.
+        For short motion, this time follows from the measured response time.
         """
         if self._n_measurements < _MIN_MEASUREMENTS or not MARGIN <= oldest.timeout <= _SHORT_TIMEOUT:
             return oldest.timeout
         margin = min(max(_SLOWEST_MULTIPLE * self._slowest_response, _MIN_MARGIN), MARGIN)
         return oldest.timeout - MARGIN + margin
 
-    def _give_up_at(self, oldest: NumberedLine) -> float:
-        """Return when to give up, s; later for a busy printer, which may not read the probes."""
-        return max(self._first_probe_at, self._overdue_at(oldest)) + self._give_up_seconds
+    def _find_give_up_time(self, oldest: NumberedLine) -> float:
+        """Return when the printer counts as unresponsive, s; later if it is too busy to read the probes."""
+        return max(self._first_probe_at, self._find_overdue_time(oldest)) + self._give_up_seconds
 
     def on_probe(self, now: float) -> None:
-        """Record that a probe is sent."""
+        """Record that a probe is sent at `now`, s."""
         if not self.probes:
             self._first_probe_at = now
         self.probes += 1
@@ -184,16 +184,16 @@ _WIDE_MARGIN: Final = 30.0
 
 _IMMEDIATE: Final = frozenset({b"M105", b"M115"})
 _IMMEDIATE_TIMEOUT: Final = 3.0
-"""Timeout of these commands, s: they only report values, so they wait for nothing."""
+"""Timeout of the commands in `_IMMEDIATE`, s: they only report values, so they wait for nothing."""
 
 _LOWEST_Z_SPEED: Final = 2.0
-"""mm/s; firmware limits the speed of z, whatever speed the file requests."""
+"""Assumed speed of z, mm/s: firmware limits it, whatever speed the file requests."""
 
 _LOWEST_INITIAL_SPEED: Final = 5.0
-"""mm/s; lower than the initial speed of any firmware."""
+"""Assumed speed before the first feed rate, mm/s: lower than the initial speed of any firmware."""
 
 _MACRO_TIME: Final = 1800.0
-"""Timeout of a macro, s; it may heat."""
+"""Timeout of a macro, s; a macro may heat the printer."""
 
 _TOOL_CHANGE_TIME: Final = 600.0
 """Timeout of a tool change, s; the printer may move and heat the tool."""
@@ -203,7 +203,7 @@ _EMPTIES_PLANNER: Final = commands_that(Effect.WAITS) - commands_that(Effect.WAI
 
 
 class ResponseTimeout:
-    """Computes the maximum time, s, from the acceptance of the previous line to the ok of each new command.
+    """Computes how long each new command may take, s, from the ok of the previous line to its own ok.
 
     An `ok` for a move means that it has a place in the planner. So the printer delays it until the oldest planned move
     ends, which takes at most as long as the longest recent move. Other commands may wait until all moves have ended.
@@ -221,8 +221,8 @@ class ResponseTimeout:
         self._slowdown = 1.0
         self._planned: deque[float] = deque(maxlen=_PLANNER_MOVES)
 
-    def estimate(self, word: bytes, values: Mapping[bytes, float], move: Move | None) -> float:
-        """Return the timeout of a parsed command, s.
+    def estimate_timeout(self, word: bytes, values: Mapping[bytes, float], move: Move | None) -> float:
+        """Return how long the ok of a parsed command may take, s, and remember the command.
 
         Args:
             word: command word such as `G1`; empty: a macro, which may do anything.
@@ -248,7 +248,7 @@ class ResponseTimeout:
         return longest + _find_max_execution_time(word)
 
     def _find_max_duration(self, move: Move) -> float:
-        """Return an upper bound of the time of a move, s."""
+        """Return the longest time that a move may take, s."""
         speed = move.speed or _LOWEST_INITIAL_SPEED
         if self._limits is None:
             x, y, z, e = move.delta
@@ -258,7 +258,7 @@ class ResponseTimeout:
 
 
 def _find_max_execution_time(word: bytes) -> float:
-    """Return the maximum execution time of a command, s. A larger value only delays a probe, never the job."""
+    """Return the longest time that a command may take, s. A larger value only delays probes, not the job."""
     if not word:
         return _MACRO_TIME
     row = TABLE.get(word)

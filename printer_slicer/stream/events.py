@@ -1,4 +1,4 @@
-"""Events that a streamer reports, in the order in which they happened."""
+"""Events that a streamer reports in the order in which they happen."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = [
     "Stopping",
     "StreamWarning",
     "Temperature",
-    "event_kind",
+    "get_event_kind",
 ]
 
 AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
@@ -36,13 +36,13 @@ AxisPositions: TypeAlias = tuple[float | None, float | None, float | None]
 
 
 class Accepted(Struct, frozen=True):
-    """Acknowledgement: the printer has accepted the first `acknowledged` entries of the job."""
+    """The printer has accepted the first `acknowledged` entries of the job."""
 
     acknowledged: int
 
 
 class LineSent(Struct, frozen=True):
-    """A line that is not simply the next entry of the job is about to be sent for the first time.
+    """A line is about to be sent for the first time, and it is not simply the next entry of the job.
 
     Attributes:
         number: line number; lower than the previous one if numbering has restarted.
@@ -56,19 +56,19 @@ class LineSent(Struct, frozen=True):
 
 
 class ResendRequested(Struct, frozen=True):
-    """The printer detected a transmission error; everything from line `number` is sent again."""
+    """The printer detected a transmission error; all lines from number `number` on are sent again."""
 
     number: int
 
 
 class Probe(Struct, frozen=True):
-    """An acknowledgement is missing or unreadable, so line `number` is sent as a probe of what the printer received."""
+    """An acknowledgement is missing or unreadable, so line `number` is sent to probe what has arrived."""
 
     number: int
 
 
 class Reading(Struct, frozen=True):
-    """Reading of one heater: its name in reports (T, T0, B, C), temperature, and target if reported, °C."""
+    """Reported temperature of one heater and, if known, its target, °C; `name` is T, T0, B, C..."""
 
     name: str
     actual: float
@@ -76,7 +76,7 @@ class Reading(Struct, frozen=True):
 
 
 class Temperature(Struct, frozen=True):
-    """Temperature report of all heaters; `waiting` means that the printer is waiting for them to heat up."""
+    """Temperature report of all heaters; `waiting` is whether the printer waits for them to heat up."""
 
     readings: tuple[Reading, ...]
     waiting: bool = False
@@ -115,7 +115,7 @@ class Action(Struct, frozen=True):
 
 
 class Prompt(Struct, frozen=True):
-    """Prompt of the printer for the user, with untrusted text and buttons; the text is empty once it is closed."""
+    """Prompt of the printer for the user: untrusted text and buttons; an empty text closes the prompt."""
 
     text: str
     buttons: tuple[str, ...]
@@ -158,13 +158,13 @@ class PoorLink(Struct, frozen=True):
 
 
 class Message(Struct, frozen=True):
-    """Any other text from the printer. It is untrusted: neither markup nor a command."""
+    """Text from the printer for which there is no other event. It is untrusted: no markup, no command."""
 
     text: str
 
 
 class Halted(Struct, frozen=True):
-    """The print ended early; `reason` says why. `commands[:acknowledged]` were accepted."""
+    """The print ended early because of `reason`, after the first `acknowledged` job entries."""
 
     reason: str
     acknowledged: int
@@ -178,7 +178,7 @@ class Finished(Struct, frozen=True):
     """The printer has executed everything that was sent.
 
     Attributes:
-        acknowledged: number of accepted job entries; fewer than all only after a cancel.
+        acknowledged: number of accepted job entries; all of them unless the print was cancelled.
         cancelled: whether the end script replaced the rest of the job.
         position: position that the printer reports, None if it reported none.
         expected: position at the end of the sent commands.
@@ -220,6 +220,6 @@ _KINDS: Final[Mapping[type, str]] = {
 }
 
 
-def event_kind(event: Event) -> str:
-    """Return the name of an event in JSON, such as `temperature` or `poor_link`."""
+def get_event_kind(event: Event) -> str:
+    """Return the name of the kind of an event in the JSON output, such as `temperature` or `poor_link`."""
     return _KINDS.get(type(event), type(event).__name__.lower())

@@ -19,16 +19,23 @@ from printer_slicer.gcode.lexer import strip
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["MAX_LINE_BYTES", "check_commands", "checksum", "frame", "frame_crc", "max_command_length"]
+__all__ = [
+    "MAX_LINE_BYTES",
+    "check_commands",
+    "compute_checksum",
+    "frame",
+    "frame_with_crc",
+    "max_command_length",
+]
 
 MAX_LINE_BYTES: Final = 95
 """Maximum length of a numbered line in bytes, without its line break."""
 
-_FRAME_BYTES: Final = 15  # b"N", nine digits, a blank, a star, three digits
+_FRAME_BYTES: Final = 15  # b"N", nine digits, a space, a star, three digits
 
 
-def checksum(data: bytes) -> int:
-    """Return the XOR of all bytes, 0 to 255."""
+def compute_checksum(data: bytes) -> int:
+    """Return the XOR of all bytes of a line, 0 to 255."""
     bits = int.from_bytes(data, "little")
     # XOR the two halves of the number repeatedly, which is faster than a loop; reduce long data to 256 bytes first.
     while bits >> 2048:
@@ -47,10 +54,10 @@ def checksum(data: bytes) -> int:
 def frame(number: int, command: bytes) -> bytes:
     """Return a numbered line with its XOR checksum, without its line break."""
     body = b"N%d %s" % (number, command)
-    return b"%s*%d" % (body, checksum(body))
+    return b"%s*%d" % (body, compute_checksum(body))
 
 
-def frame_crc(number: int, command: bytes) -> bytes:
+def frame_with_crc(number: int, command: bytes) -> bytes:
     """Return a numbered line with a CRC-16 of five digits, without its line break."""
     body = b"N%d %s" % (number, command)
     return b"%s*%05d" % (body, crc_hqx(body, 0))
@@ -62,7 +69,7 @@ def max_command_length(number: int, line_bytes: int) -> int:
 
 
 def check_commands(commands: Sequence[bytes], max_line_bytes: int = MAX_LINE_BYTES) -> None:
-    """Reject commands that can never be sent.
+    """Reject commands that cannot be sent over a serial line.
 
     Args:
         commands: entries of the job.
@@ -91,5 +98,5 @@ def _check_command(index: int, command: bytes, max_length: int) -> None:
     if len(command) > max_length:
         message = f"line {index + 1} is {len(command)} bytes long: {shown!r}..."
         raise UsageError(
-            message, remedy=f"Shorten it to {max_length} bytes; printers truncate longer lines silently"
+            message, remedy=f"Shorten the line to {max_length} bytes; printers truncate longer lines silently"
         )

@@ -19,7 +19,7 @@ _LAST_FIRMWARE_QUERY: Final = 4
 
 
 class Handshake:
-    """Resets line numbers until the printer answers, then collects its firmware and capabilities.
+    """Resets line numbers until the printer answers, then collects the reported firmware and capabilities.
 
     A board that resets when the port opens receives nothing at first, so the request is repeated. When the board
     reports `start`, it is repeated at once.
@@ -42,12 +42,12 @@ class Handshake:
 
     @property
     def has_started(self) -> bool:
-        """Return whether a request was sent."""
+        """Return whether the first request was sent."""
         return self._timeout_start is not None
 
     @property
     def next_request_at(self) -> float:
-        """Return when to send the next request, s."""
+        """Return when to send the next request to reset line numbers, s."""
         return self._next_request_at
 
     def has_timed_out(self, now: float) -> bool:
@@ -60,7 +60,7 @@ class Handshake:
             self._timeout_start = now
 
     def send(self, now: float) -> bytes:
-        """Return the request to write now; empty if none is due."""
+        """Return the request to reset line numbers if it is due now, else nothing."""
         if self._timeout_start is None:
             self._timeout_start = now
         if now < self._next_request_at:
@@ -68,8 +68,8 @@ class Handshake:
         self._next_request_at = now + _REQUEST_INTERVAL
         return _RESET_LINE_NUMBERS
 
-    def query(self, number: int) -> bytes | None:
-        """Return the query to send as line `number`; None after the last query.
+    def choose_query(self, number: int) -> bytes | None:
+        """Return the query to send as line `number`; None if all queries were sent.
 
         The answer to line 2 shows how this firmware reports temperatures, which helps to resolve lost acknowledgements
         later. If the name of the firmware was lost, it is queried again, because the dialect depends on it.
@@ -79,7 +79,7 @@ class Handshake:
         return b"M115" if number == 1 or (self.firmware is None and number <= _LAST_FIRMWARE_QUERY) else None
 
     def restart(self, now: float) -> None:
-        """Repeat the handshake at once, because the printer was reset; the timeout continues."""
+        """Repeat the handshake at once, because the printer was reset; the timeout keeps running."""
         self._next_request_at = now
         self.firmware = None
         self._capabilities.clear()
@@ -97,10 +97,10 @@ class Handshake:
 
     @property
     def dialect(self) -> WireDialect:
-        """Return the chosen dialect, or the dialect of the reported firmware."""
+        """Return the dialect that the caller chose, otherwise the dialect of the reported firmware."""
         return WIRE_DIALECTS[self._dialect or wire_dialect_name(self.firmware or "")]
 
-    def make_identified(self) -> Identified:
+    def make_identified_event(self) -> Identified:
         """Return the event with the firmware, capabilities and dialect of the printer."""
         name = self._dialect or wire_dialect_name(self.firmware or "")
         return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

@@ -41,7 +41,7 @@ _REPORT_NAMES: Final = {"nozzle": "T", "bed": "B", "chamber": "C"}
 """Name of each heater in reports."""
 
 _PRINTER_EVENTS: Final = (Accepted, Action, Busy, Identified, Message, ResendRequested, Temperature)
-"""Events that come from the printer; all others come from the host."""
+"""Events that come from the printer; all other events come from the host."""
 
 _HEATING_PREFIXES: Final = (b"M", b"m", b"T", b"t", b"G10", b"g10")  # nearly all commands are moves
 _OFF_COMMANDS: Final = {"T": b"M104%s S0", "B": b"M140 S0", "C": b"M141 S0"}
@@ -74,10 +74,10 @@ class NoThermalProtection(Struct, frozen=True):
 
 
 class HeaterWatchdog(Struct):
-    """Heater watchdog of one connection.
+    """Raises an alarm if the printer stays silent while heaters are on.
 
     Call `on_sent` with each sent command, `on_event` with each event (or `on_answer` for an answer without an event),
-    and `check` once `alarm_at` has passed. `shutdown_lines` returns what to write when the host ends early.
+    and `check` once `alarm_at` has passed. `build_shutdown_lines` returns what to write when the host ends early.
 
     Attributes:
         silence: s of silence after which the alarm is raised, once per silence.
@@ -92,7 +92,7 @@ class HeaterWatchdog(Struct):
     _active_tool: str = ""
 
     def on_sent(self, command: bytes, now: float) -> None:
-        """Record a command sent to the printer, without number and checksum."""
+        """Record a command that was sent to the printer; `command` has no line number and no checksum."""
         word, values = parse(command)
         if word.startswith(b"T") and word[1:].isdigit():
             self._active_tool = word[1:].decode()
@@ -122,26 +122,26 @@ class HeaterWatchdog(Struct):
         return None
 
     def on_answer(self, now: float) -> None:
-        """Record that the printer answered."""
+        """Record that the printer answered at `now`, s."""
         self._last_answer_at = now
         self._has_alarmed = False
 
     @property
     def alarm_at(self) -> float:
-        """Return when the alarm is due, s; infinite while no heater is on, and after the alarm."""
+        """Return when the alarm is due, s; infinite if no heater is on or the alarm was raised already."""
         return self._last_answer_at + self.silence if self.targets and not self._has_alarmed else inf
 
     def check(self, now: float) -> HeaterAlarm | None:
-        """Return the alarm if it is due, once per silence."""
+        """Return an alarm if the printer has been silent for too long; at most one until it answers."""
         if now < self.alarm_at:
             return None
         self._has_alarmed = True
         return HeaterAlarm(now - self._last_answer_at, tuple(sorted(self.targets.items())))
 
-    def shutdown_lines(self, commands: Iterable[bytes] = (), *, assume_heated: bool = False) -> bytes:
-        """Return the lines that switch the heaters off; empty if none was ever switched on.
+    def build_shutdown_lines(self, commands: Iterable[bytes] = (), *, assume_heated: bool = False) -> bytes:
+        """Return the lines that switch the heaters off; empty if no heater was ever switched on.
 
-        Heaters that were already switched off are included, because that command may have been lost.
+        Heaters that were already switched off are included, because the command for it may have been lost.
 
         Args:
             commands: sent commands that were not passed to `on_sent`.
@@ -169,7 +169,7 @@ class HeaterWatchdog(Struct):
         return b"\n" + b"\n".join([*lines, *numbered]) + b"\n"
 
     def _resolve_heater_name(self, name: str) -> str:
-        """Return the name of a reported heater with its tool number: T is the active tool."""
+        """Return the name of a reported heater with its tool number; T stands for the active tool."""
         return "T" + self._active_tool if name == "T" else name
 
     def _set_target(self, heater: str, target: float) -> None:

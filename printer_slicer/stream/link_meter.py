@@ -1,4 +1,4 @@
-"""Measure a serial link: throughput, latency, resends, buffer underruns and the quality of the cable.
+"""Measure a serial link: throughput, latency, resends, buffer underruns and quality of the cable.
 
 The meter receives the bytes of both directions with their times. It makes no decisions, and its memory does not grow
 with the length of the print. A full planner delays answers, which says nothing about the link. So the meter models the
@@ -40,13 +40,13 @@ _IMMEDIATE: Final = (
     commands_that(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
     | {code for code, row in TABLE.items() if row.heater}
 ) - _WAITS
-"""Commands that are acknowledged at once if the queue has room."""
+"""Commands that are acknowledged at once if the command queue is not full."""
 
 _MAX_PARTIAL_LINE: Final = 1024
 
 
 class LinkStatistics(Struct, frozen=True):
-    """Statistics of a link. Times in s.
+    """Statistics of a serial link. Times in s.
 
     Attributes:
         lines: number of acknowledged lines, each counted once.
@@ -95,7 +95,7 @@ class LinkStatistics(Struct, frozen=True):
 
 
 class LinkMeter:
-    """Collects statistics from both directions of a link.
+    """Collects statistics from the bytes in both directions of a serial link.
 
     Args:
         limits: motion limits of the machine; None: buffer underruns are not counted.
@@ -121,7 +121,7 @@ class LinkMeter:
         )
 
     def on_sent(self, data: bytes, now: float) -> None:
-        """Record bytes sent at `now`, s."""
+        """Record bytes that were sent to the printer at `now`, s."""
         self._n_bytes += len(data)
         for line in data.split(b"\n"):
             number, command = split_line_number(line)
@@ -138,16 +138,16 @@ class LinkMeter:
             self._lines_in_flight.append((number, command, now))
 
     def on_event(self, event: Event) -> None:
-        """Count an event of the streamer, because only the streamer knows which lines are probes."""
+        """Count resends and probes, which the streamer reports as events."""
         self._quality.on_event(event)
 
-    def new_warnings(self) -> tuple[PoorLink, ...]:
-        """Return a warning about the cable if its errors have doubled since the last warning; otherwise nothing."""
+    def find_new_warnings(self) -> tuple[PoorLink, ...]:
+        """Return a warning if the number of link errors has doubled since the last warning, else nothing."""
         found = self._quality.find_new_warning(self._n_lines)
         return () if found is None else (found,)
 
     def on_received(self, data: bytes, now: float) -> None:
-        """Record bytes received at `now`, s."""
+        """Record bytes that were received from the printer at `now`, s."""
         if not data:
             return
         *lines, self._partial = (self._partial + data).split(b"\n")
@@ -159,7 +159,7 @@ class LinkMeter:
                 self._on_resend_request(int(found[1]))
 
     def statistics(self) -> LinkStatistics:
-        """Return the statistics so far."""
+        """Return the statistics of the link so far."""
         seconds = (
             max(self._last_ack_at - self._first_sent_at - self._waiting_seconds, 0.0)
             if self._n_lines
@@ -222,9 +222,9 @@ class LinkMeter:
         self._current_second = (floor(now), count + 1 if floor(now) == second else 1)
         self._peak_rate = max(self._peak_rate, self._current_second[1])
 
-    def _find_latency_quantile(self, share: float) -> float | None:
-        """Return the latency at a quantile `share`, s: the middle of its histogram step; None if there is no data."""
-        remaining = share * self._latencies.total()
+    def _find_latency_quantile(self, quantile: float) -> float | None:
+        """Return the latency, s, at a quantile from 0 to 1; None if no latency was measured."""
+        remaining = quantile * self._latencies.total()
         for step in sorted(self._latencies):
             remaining -= self._latencies[step]
             if remaining <= 0:
@@ -233,7 +233,7 @@ class LinkMeter:
 
 
 class MeteredTransport:
-    """Transport that also reports all bytes to a meter."""
+    """Transport that passes all bytes on to another transport, and to a meter."""
 
     def __init__(self, transport: Transport, meter: LinkMeter, clock: Callable[[], float]) -> None:
         self._transport = transport
@@ -257,10 +257,10 @@ class MeteredTransport:
 
 
 _UNDETECTED_SHARE: Final = 1 / 256
-"""Share of the lines with several damaged bytes that the checksum does not detect."""
+"""Fraction of the lines with several damaged bytes that the checksum does not detect."""
 
 _SAME_BIT_SHARE: Final = 1 / 16
-"""Share of the lines with two flipped bits where both flips have the same bit position."""
+"""Fraction of the lines with two flipped bits where both flips have the same bit position."""
 
 _LIKELY_UNDETECTED: Final = 0.25
 """Expected number of undetected damaged lines from which the warning calls undetected damage likely."""
@@ -296,12 +296,12 @@ class LinkQuality:
         self._count_at_warning = 0
 
     def on_event(self, event: Event) -> None:
-        """Count an event."""
+        """Count the event if it reports a resend request or a probe."""
         self.resends += isinstance(event, ResendRequested)
         self.lost_answers += isinstance(event, Probe)
 
     def find_new_warning(self, lines: int) -> PoorLink | None:
-        """Return a warning after `lines` lines; None if there is nothing new to report."""
+        """Return a warning if the errors have doubled since the last warning; `lines`: acknowledged lines."""
         count = self.resends + self.lost_answers
         if count < 2 * self._count_at_warning:
             return None

@@ -1,4 +1,4 @@
-"""Streaming protocol without port, clock or thread: bytes in, bytes and events out.
+"""Stream a job to a printer, without port, clock or thread: bytes come in, bytes and events go out.
 
 The owner calls `send` and writes the result, waits until bytes arrive or the time of `wakeup`, and passes received
 bytes to `receive`. `events` returns what happened.
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 __all__ = ["RESET_REASON", "Streamer"]
 
 RESET_REASON: Final = "the printer was reset"
-"""Start of the reason of a halt because of a printer reset."""
+"""Start of the reason that is reported if a printer reset halts the print."""
 
 _MAX_REPLY_BYTES: Final = 1024
 _CAUSE_SECONDS: Final = 1.0
@@ -91,7 +91,7 @@ class Streamer:
         self._give_up = give_up
         self._queue = SendQueue(commands, limits, self._dialect.max_line_bytes)
         self._tracker = AckTracker(Window(*self._window_rules), give_up)
-        self._queue.taken = self._acknowledged = first
+        self._queue.n_entries_taken = self._acknowledged = first
         self._state = State.CONNECTING
         self._ended = False
         self._events: list[stream_events.Event] = []
@@ -107,7 +107,7 @@ class Streamer:
             replies.Wait: self._on_wait,
             replies.Started: self._on_started,
             replies.Stopped: self._on_stopped,
-            replies.Unknown: self._on_unknown,
+            replies.UnknownCommand: self._on_unknown,
             replies.LastLine: self._on_last_line,
             replies.Identity: self._on_identity,
             replies.Capability: self._on_identity,
@@ -121,7 +121,7 @@ class Streamer:
 
     @property
     def state(self) -> State:
-        """Return the current state."""
+        """Return the current state of the streamer."""
         return self._state
 
     @property
@@ -131,22 +131,22 @@ class Streamer:
 
     @property
     def acknowledged(self) -> int:
-        """Return the number of accepted job entries: `commands[:acknowledged]` need not be sent again."""
+        """Return the number of job entries that the printer has accepted and that need not be sent again."""
         return self._acknowledged
 
     @property
-    def taken(self) -> int:
-        """Return the number of job entries that have a line number or were skipped."""
-        return self._queue.taken
+    def n_entries_taken(self) -> int:
+        """Return the number of job entries that were given a line number or skipped."""
+        return self._queue.n_entries_taken
 
     @property
-    def accepted_line(self) -> int:
+    def accepted_line_number(self) -> int:
         """Return the number of the last accepted line, as counted by the serial protocol."""
         return self._tracker.history.accepted
 
     @property
-    def next_line(self) -> int:
-        """Return the next unused line number."""
+    def next_line_number(self) -> int:
+        """Return the lowest line number that is not used yet."""
         return self._tracker.history.next_number
 
     @property
@@ -157,7 +157,7 @@ class Streamer:
     @property
     def is_idle(self) -> bool:
         """Return whether no line is in flight and no injected command is queued."""
-        return not self._tracker.history.in_flight and not self._queue.injected_count
+        return not self._tracker.history.n_in_flight and not self._queue.injected_count
 
     def events(self) -> list[stream_events.Event]:
         """Return the events since the last call, in order."""
@@ -176,7 +176,7 @@ class Streamer:
         """Queue a command ahead of the rest of the job; it is also sent while paused.
 
         Raises:
-            UsageError: it can never be sent.
+            UsageError: the command can never be sent.
         """
         self._queue.inject(command)
 
@@ -207,15 +207,15 @@ class Streamer:
         Firmware handles these commands early.
 
         Raises:
-            UsageError: it can never be sent.
+            UsageError: the command can never be sent.
         """
         check_commands([command])
         if not self._ended and self._state is not State.CONNECTING:
-            self._tracker.expect_unnumbered()
+            self._tracker.record_unnumbered_command()
             self._urgent += b"\n%s\n" % command
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process received bytes."""
+        """Process bytes that were received at `now`, s."""
         before = self._acknowledged
         *lines, self._partial = (self._partial + data).split(b"\n")
         if len(self._partial) > _MAX_REPLY_BYTES:
@@ -265,14 +265,14 @@ class Streamer:
     # Sending.
 
     def _connect(self, now: float) -> bytes:
-        """Return the request of the handshake to write now; halt if no printer has answered in time."""
+        """Return the handshake request to write now; halt if no printer has answered in time."""
         if self._handshake.has_timed_out(now):
             self._halt("no printer answered: check the port, the baud rate and the cable")
             return b""
         return self._handshake.send(now)
 
     def _go_back_if_settled(self, now: float) -> bool:
-        """Go back to the requested line once all requests have arrived; return whether sending may continue."""
+        """Go back to the requested line once all resend requests are in; return whether to send now."""
         tracker, resends = self._tracker, self._tracker.resends
         if not resends.is_settled(now):
             return False
@@ -293,9 +293,9 @@ class Streamer:
         return True
 
     def _probe(self, now: float) -> bytes:
-        """Return a probe that shows which line the printer expects, or whether the only line in flight was executed."""
+        """Return the bytes of a probe, or halt if the printer has answered no probe for too long."""
         tracker, history = self._tracker, self._tracker.history
-        if tracker.timer.has_given_up(history.oldest, now):
+        if tracker.timer.is_unresponsive(history.oldest, now):
             self._halt("the printer has stopped answering")
             return b""
         self._events.append(stream_events.Probe(history.cursor))
@@ -306,10 +306,10 @@ class Streamer:
             return tracker.query_last_line(now)
         if history.cursor == history.next_number:
             self._assign_number(PROBE_COMMAND)
-        return tracker.probe(now)
+        return tracker.send_probe(now)
 
     def _prepare_next_line(self, now: float) -> bool:
-        """Return whether a line may be sent now; assign a number to the next command if no numbered line is waiting."""
+        """Return whether a line may be sent now; if none has a number yet, assign one to the next command."""
         tracker = self._tracker
         if self._ended or self._state is State.CONNECTING:
             return False
@@ -322,49 +322,49 @@ class Streamer:
         self._assign_number(command)
         return True
 
-    def _next_closing_query(self, now: float) -> bytes | None:
-        """Return the next closing query; None while an answer is expected and after the last query."""
+    def _next_final_query(self, now: float) -> bytes | None:
+        """Return the next of the queries that end the print; None while an answer is due, and at the end."""
         tracker = self._tracker
         if tracker.expects_temperatures(now):
             return None
         if not tracker.clear_expected_temperatures():
-            self._queue.restart_closing_queries()
-        command = self._queue.next_closing_query()
+            self._queue.restart_final_queries()
+        command = self._queue.next_final_query()
         if command is None:
             self._apply(Trigger.FINISH)
-            self._events.append(self._queue.make_finished(self._acknowledged))
+            self._events.append(self._queue.make_finished_event(self._acknowledged))
         return command
 
     def _next_command(self, max_length: int, now: float) -> bytes | None:
-        """Return the next command of at most `max_length` bytes, None if there is none now."""
-        queue, idle = self._queue, not self._tracker.history.in_flight
+        """Return the next command of at most `max_length` bytes to send; None if none may be sent now."""
+        queue, idle = self._queue, not self._tracker.history.n_in_flight
         if self._state is State.IDENTIFYING:
-            return self._handshake.query(self._tracker.history.next_number) if idle else None
+            return self._handshake.choose_query(self._tracker.history.next_number) if idle else None
         command = queue.next_injected(max_length)
         if command is None and (self._state is State.STREAMING or self._state is State.CANCELLING):
             command = queue.next_job_command(max_length)
             if command is None and idle:
                 self._accept_all()
         if command is None and self._state is State.FINISHING and idle:
-            command = self._next_closing_query(now)
+            command = self._next_final_query(now)
         return command
 
     def _accept_all(self) -> None:
-        """Mark all entries as accepted, since only comments follow the last accepted line, and start finishing."""
-        if self._queue.taken > self._acknowledged:
-            self._acknowledged = self._queue.taken
+        """Mark all job entries as accepted, since only comments are left, and start to finish the print."""
+        if self._queue.n_entries_taken > self._acknowledged:
+            self._acknowledged = self._queue.n_entries_taken
             self._events.append(stream_events.Accepted(self._acknowledged))
-        self._queue.restart_closing_queries()
+        self._queue.restart_final_queries()
         self._apply(Trigger.ACCEPTED)
 
     def _assign_number(self, command: bytes) -> None:
         """Assign the next line number to a command; report it if it is not simply the next job entry."""
-        entries = self._queue.taken
+        entries = self._queue.n_entries_taken
         if entries != self._numbered_job + 1:
             inserted = b"" if entries > self._numbered_job else command
             self._events.append(stream_events.LineSent(self._tracker.history.next_number, entries, inserted))
         self._numbered_job = entries
-        self._tracker.add(command, self._queue.taken, self._queue.track_command(command))
+        self._tracker.add_line(command, self._queue.n_entries_taken, self._queue.track_command(command))
 
     # Receiving.
 
@@ -392,18 +392,18 @@ class Streamer:
         self._accept(number, now, is_conclusive=is_conclusive)
 
     def _accept(self, number: int, now: float, *, is_conclusive: bool) -> None:
-        """Handle the acknowledgement of the lines up to `number`."""
+        """Mark the lines up to `number` as accepted; the last query of the handshake starts the job."""
         self._acknowledged = max(
             self._acknowledged, self._tracker.accept(number, now, is_conclusive=is_conclusive)
         )
-        if self._state is State.IDENTIFYING and self._handshake.query(number + 1) is None:
+        if self._state is State.IDENTIFYING and self._handshake.choose_query(number + 1) is None:
             self._apply(Trigger.IDENTIFIED)
             self._tracker.history.mark_proven(1)
             self._dialect = self._handshake.dialect
             parser = self._handshake.has_capability("EMERGENCY_PARSER")
             self._tracker.set_dialect(self._dialect, emergency_parser=parser)
             self._queue.set_dialect(self._dialect)
-            self._events.append(self._handshake.make_identified())
+            self._events.append(self._handshake.make_identified_event())
 
     def _on_ok_of_unacked(self, ok: replies.Ok, now: float) -> None:
         """Handle an ok while it is unknown whether the line in flight was executed."""
@@ -413,7 +413,7 @@ class Streamer:
         if not ok.has_temperatures:
             unacked.on_bare_ok()
             return
-        fate = unacked.resolve()
+        fate = unacked.resolve_fate()
         if fate is LineFate.EXECUTED:
             self._accept(number, now, is_conclusive=True)
         elif fate is LineFate.LOST:
@@ -424,7 +424,7 @@ class Streamer:
             self._halt(f"it is unknown whether the printer executed line {number}: {command}")
         elif fate is LineFate.UNDECIDED:
             tracker.timer.on_answer(now)
-            tracker.timer.expect_loss(now)
+            tracker.timer.schedule_probe(now)
 
     def _on_handshake_ok(self, ok: replies.Ok) -> None:
         if self._tracker.resends.ignore_next_ok:
@@ -441,7 +441,7 @@ class Streamer:
             self._check_lost_count(now)
 
     def _check_lost_count(self, now: float) -> None:
-        """Treat a printer that has lost count of the lines like a printer that was reset."""
+        """If the printer has lost count of the lines, treat it like a printer that was reset."""
         tracker = self._tracker
         if tracker.lost_count is not None:
             evidence = f"it requests line {tracker.lost_count}, but line {tracker.history.cursor} is next"
@@ -474,7 +474,7 @@ class Streamer:
         because = f" ({cause})" if cause and now - when <= _CAUSE_SECONDS else ""
         self._halt(f"the printer stopped: {stopped.text}{because}")
 
-    def _on_unknown(self, unknown: replies.Unknown, now: float) -> None:
+    def _on_unknown(self, unknown: replies.UnknownCommand, now: float) -> None:
         self._on_text(unknown, now)
         received = unknown.command
         if not received or not any(
@@ -508,7 +508,7 @@ class Streamer:
         if temperature.waiting:
             self._tracker.timer.on_answer(now)
         elif self._handshake.dialect.ok_when_read:
-            number = self._tracker.match_temperatures()
+            number = self._tracker.match_temperature_report()
             if number is not None:
                 self._accept(number, now, is_conclusive=True)
         self._events.append(temperature)
@@ -533,7 +533,7 @@ class Streamer:
         self._events.append(message)
 
     def _apply(self, trigger: Trigger) -> bool:
-        """Apply a trigger; return False if it is not valid in the current state."""
+        """Change the state by a trigger; return False if the current state does not allow the trigger."""
         state = TRANSITIONS[self._state].get(trigger)
         if state is None:
             return False

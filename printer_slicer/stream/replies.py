@@ -28,18 +28,18 @@ __all__ = [
     "Resend",
     "Started",
     "Stopped",
-    "Unknown",
+    "UnknownCommand",
     "Wait",
     "read_reply",
 ]
 
 
 class Ok(Struct, frozen=True):
-    """Acknowledgement of a line.
+    """Acknowledgement (`ok`) of a line.
 
     Attributes:
-        number: the last line that it acknowledges, None if not reported.
-        has_temperatures: whether it contains temperatures, as the answer to M105 does.
+        number: the last line that the ok acknowledges, None if not reported.
+        has_temperatures: whether the ok contains temperatures, as the answer to M105 does.
         planner: free places of the planner, None if not reported.
         places: free places of the command queue, None if not reported.
     """
@@ -51,13 +51,13 @@ class Ok(Struct, frozen=True):
 
 
 class Resend(Struct, frozen=True):
-    """Resend request: the printer accepts line `number` next."""
+    """Resend request: the printer accepts only line `number` next."""
 
     number: int
 
 
 class LineError(Struct, frozen=True):
-    """Error about a rejected line; it names the line that the printer expects and precedes the `Resend`."""
+    """Error report about a rejected line: the printer expects line `expected_line` instead."""
 
     expected_line: int
     text: str
@@ -72,20 +72,20 @@ class Started(Struct, frozen=True):
 
 
 class Stopped(Struct, frozen=True):
-    """Report that the printer has halted: killed, a thermal error, or an error of Klipper."""
+    """Report that the printer has halted, for example because of a kill or a thermal error."""
 
     text: str
 
 
-class Unknown(Struct, frozen=True):
-    """Report of a command that the firmware does not know; `command` is the text that the printer received."""
+class UnknownCommand(Struct, frozen=True):
+    """Report that the firmware does not know a command; `command` is the text that it received."""
 
     command: bytes
     text: str
 
 
 class LastLine(Struct, frozen=True):
-    """Report of the number of the last accepted line, the answer to an unnumbered M110."""
+    """Report of the number of the last accepted line: the answer to an M110 without a line number."""
 
     number: int
 
@@ -114,11 +114,11 @@ class Position(Struct, frozen=True):
 
 
 class Garbled(Struct, frozen=True):
-    """Damaged answer.
+    """Answer that was damaged on the way from the printer.
 
     Attributes:
-        text: the text.
-        may_reject: whether it may have been a `Resend`, so that the next ok may belong to a rejection.
+        text: the damaged text.
+        may_reject: whether the answer may have been a `Resend`; then the next ok may belong to a rejection.
     """
 
     text: str
@@ -132,7 +132,7 @@ Reply: TypeAlias = (
     | Wait
     | Started
     | Stopped
-    | Unknown
+    | UnknownCommand
     | LastLine
     | Identity
     | Capability
@@ -144,7 +144,7 @@ Reply: TypeAlias = (
     | Message
 )
 
-ReplyWithText: TypeAlias = Unknown | Position | Garbled
+ReplyWithText: TypeAlias = UnknownCommand | Position | Garbled
 """Replies that are also reported as text."""
 
 _REPORT_KINDS: Final = (Temperature, Position, Identity)
@@ -176,13 +176,13 @@ _MAX_RESEND_LENGTH: Final = 20  # "Resend: " with a number of nine digits, and s
 
 
 def _parse_position(found: re.Match[bytes]) -> tuple[Reply, ...]:
-    """Return the position report of a match."""
+    """Build a position report from a match of the pattern `_POSITION`."""
     x, y, z = (float(value) for value in found.groups()[:3])
     return (Position(x, y, z, _decode(found.string), float(found[4]) if found[4] else None),)
 
 
 def _parse_resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
-    """Return the resend request of a match, and the ok that follows on the same line, if any."""
+    """Build a resend request from a match, and an ok if one follows on the same line."""
     request = Resend(int(found[1]))
     # The line break between the request and its ok was lost.
     return (request, Ok()) if found[2] else (request,)
@@ -206,7 +206,7 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
         lambda m: (Stopped(_decode(m.string)),),
     ),
     (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_decode(m[1])),)),
-    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (Unknown(m[1], _decode(m.string)),)),
+    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (UnknownCommand(m[1], _decode(m.string)),)),
     (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_decode(m[1])),)),
     (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_decode(m[1]), m[2] == b"1"),)),
     (_POSITION, _parse_position),
@@ -215,9 +215,10 @@ _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tupl
 
 
 def read_reply(line: bytes) -> tuple[Reply, ...]:
-    """Parse one line without its line break; an empty line gives no reply.
+    """Parse one line from the printer, without its line break, into its replies.
 
     Several replies in one line are returned in processing order: `ok T:...` is a report, then an ok.
+    An empty line contains no reply.
     """
     line = line.strip()
     if line == b"ok":

@@ -61,23 +61,23 @@ class ResendBurst:
         self._n_identical = 0
 
     def on_error(self, expected_line: int, now: float) -> None:
-        """Handle an error that names the expected line; its resend request should follow."""
+        """Handle an error report that names the expected line; a resend request should follow."""
         first, self.claimed_line = not self.is_active, expected_line
         self._extend_deadline(now, first=first)
 
     def _extend_deadline(self, now: float, *, first: bool) -> None:
-        """Extend the deadline for further requests, up to a limit that starts with the first request."""
+        """Wait longer for further resend requests, up to a limit that counts from the first request."""
         self._latest_deadline = now + _MAX_WAIT if first else self._latest_deadline
         self.deadline = min(now + _QUIET_TIME, self._latest_deadline)
 
     def use_claimed_line(self, history: SendHistory, now: float) -> ResendDecision:
-        """Treat the line named by the error as requested, because the request itself did not arrive."""
+        """Treat the line that the error report named as requested: the resend request itself was lost."""
         assert self.claimed_line is not None
         number, self.claimed_line = self.claimed_line, None
         return self.on_request(number, history, now)
 
     def on_request(self, number: int, history: SendHistory, now: float) -> ResendDecision:
-        """Handle a resend request for `number`; its ok is still to come."""
+        """Handle a resend request for line `number`, which an ok still follows."""
         first = not self.is_active
         claimed_line, self.claimed_line = self.claimed_line, None
         self.ignore_next_ok = True
@@ -92,7 +92,7 @@ class ResendBurst:
         return decision
 
     def _choose_decision(self, number: int, claimed_line: int | None, history: SendHistory) -> ResendDecision:
-        """Return the decision about a request for `number`, see the table above."""
+        """Return the decision about a resend request for line `number`, by the table at the top."""
         if claimed_line is not None and claimed_line != number:
             return ResendDecision.PROBE
         if history.accepted < number <= history.cursor:
@@ -107,7 +107,7 @@ class ResendBurst:
 
     @property
     def is_active(self) -> bool:
-        """Return whether an error must be handled before anything else is sent."""
+        """Return whether a transmission error must be handled before anything else is sent."""
         return self.requested_line is not None or self.claimed_line is not None
 
     def on_accepted(self, accepted: int) -> None:
@@ -117,12 +117,12 @@ class ResendBurst:
             self._reset()
 
     def is_settled(self, now: float) -> bool:
-        """Return whether all requests of this error have arrived, or the deadline has passed."""
+        """Return whether all resend requests of this error have arrived, or the deadline has passed."""
         complete = self.claimed_line is None and self._n_missing <= 0 and not self.ignore_next_ok
         return complete or now >= self.deadline
 
     def finish(self) -> bool:
-        """Clear the error before going back; return False after too many identical requests."""
+        """Forget the error before the streamer goes back; return False after too many identical requests."""
         self._n_identical = self._n_identical + 1 if self.requested_line == self._last_finished else 1
         self._last_finished = self.requested_line
         self._reset()

@@ -4,7 +4,7 @@ No motion command is sent, and line numbers are not reset. A query with a number
 rejection names the expected line. Oks of earlier lines may still arrive, so the next number queries the temperatures,
 whose answer follows all of them. The last query asks for the position.
 
-Like the streamer, it works on bytes without I/O. `done` is True once there is a result.
+Like the streamer, `Resync` works on bytes without I/O. `done` is True once there is a result.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _QUERIES: Final = (b"M105", b"M114")
 
 
 class Resync:
-    """Queries to a printer whose previous host has ended.
+    """Queries last line, temperatures and position of a printer whose previous host has ended.
 
     Args:
         last: highest line number that may have been used.
@@ -66,7 +66,7 @@ class Resync:
         self._partial = b""
 
     def queries(self) -> tuple[tuple[int, bytes], ...]:
-        """Return the queries to send once `line` is known, with their line numbers."""
+        """Return the line number and text of each query that follows once `line` is known."""
         line = self.line
         return () if line is None else tuple((line + 1 + i, query) for i, query in enumerate(_QUERIES))
 
@@ -90,7 +90,7 @@ class Resync:
         return None if self.done else max(self._next_query_at, 0.0)
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process received bytes."""
+        """Process bytes that were received at `now`, s."""
         *lines, self._partial = (self._partial + data).split(b"\n")
         self._partial = self._partial[-1024:]
         for line in lines:
@@ -103,7 +103,7 @@ class Resync:
             return
         if not isinstance(reply, Temperature) or reply.waiting:  # temperature reports come without a query
             self._last_heard = now
-        self._check_for_restart(reply)
+        self._fail_if_restarted(reply)
         if isinstance(reply, replies.Resend | replies.LineError):
             self._on_rejection(
                 reply.number if isinstance(reply, replies.Resend) else reply.expected_line, now
@@ -115,27 +115,27 @@ class Resync:
         elif isinstance(reply, replies.Position) and self._n_answered == 1:
             self.position = (reply.x, reply.y, reply.z)
 
-    def _check_for_restart(self, reply: replies.Reply) -> None:
-        """Set the reason of a failure if the printer has restarted or stopped."""
+    def _fail_if_restarted(self, reply: replies.Reply) -> None:
+        """End the queries without a result if the printer has restarted or stopped."""
         if isinstance(reply, replies.Started):
-            self._fail("it was reset")
+            self._fail("the printer was reset")
         elif isinstance(reply, replies.Stopped):
-            self._fail(f"it has stopped: {reply.text}")
+            self._fail(f"the printer has stopped: {reply.text}")
 
     def _on_report(self, reply: Busy | Temperature, now: float) -> None:
         """Record a temperature report or a busy message."""
         if isinstance(reply, Temperature):
             self.temperature = reply
         if isinstance(reply, Busy) or reply.waiting:
-            self._postpone(now)
+            self._postpone_query(now)
 
-    def _postpone(self, now: float) -> None:
+    def _postpone_query(self, now: float) -> None:
         """Postpone the next query while the printer is busy, so that its buffer does not fill up."""
         if self.line is not None and self._is_query_sent:
             self._next_query_at = max(self._next_query_at, now + _QUERY_INTERVAL)
 
     def _on_rejection(self, expected: int, now: float) -> None:
-        """Handle a rejection that names the line that the printer expects."""
+        """Handle a rejection, which names the line that the printer expects."""
         if self.line is None:
             if expected == self._rejected_line:
                 self.line = expected - 1
@@ -150,7 +150,7 @@ class Resync:
                 now + _REPEAT_TIME
             )  # an earlier rejection was repeated, or the query was lost
         else:
-            self._fail(f"it requests line {expected} after line {first + self._n_answered}")
+            self._fail(f"the printer requests line {expected} after line {first + self._n_answered}")
 
     def _on_ok(self, ok: replies.Ok, now: float) -> None:
         """Handle an ok, which answers a query or an earlier line."""
@@ -160,7 +160,7 @@ class Resync:
             if ok.has_temperatures:  # the printer answers, so the next query can follow soon
                 self._next_query_at = min(self._next_query_at, now + _REPEAT_TIME)
             if self._n_temperature_oks >= _MAX_UNREJECTED and self._rejected_line is None:
-                self._fail("its firmware does not check line numbers")
+                self._fail("the firmware does not check line numbers")
             return
         if (self._n_answered == 0 and ok.has_temperatures) or (
             self._n_answered == 1 and not ok.has_temperatures and self.position is not None
@@ -176,6 +176,6 @@ class Resync:
             self.done = True
 
     def _fail(self, reason: str) -> None:
-        """End the queries without a result."""
+        """End the queries without a result, because of `reason`."""
         self.reason = reason
         self.done = True

@@ -1,4 +1,4 @@
-"""History of the numbered lines, and how many of them were sent and accepted.
+"""Keep the numbered lines, and record which of them were sent and accepted.
 
 The lines in flight are those between `accepted` and `cursor`. An acknowledgement moves `accepted` and a resend moves
 `cursor`, so there is no separate count that could become wrong. A number always belongs to the same line. Therefore it
@@ -28,12 +28,12 @@ _LINES_KEPT: Final = 2 * _CERTAIN_AFTER
 
 
 class NumberedLine(Struct):
-    """One numbered line.
+    """A command with its line number and checksum, as it is sent.
 
     Attributes:
         command: command without number and checksum.
         text: the line as sent, with number and checksum, without line break.
-        entries: number of job entries that are accepted once this line is.
+        entries: number of job entries that are accepted once this line is accepted.
         timeout: maximum time, s, from the acceptance of the previous line to the ok of this one.
         sent: time at which it was last sent, s.
     """
@@ -46,11 +46,12 @@ class NumberedLine(Struct):
 
 
 class SendHistory:
-    """The numbered lines, starting at 1.
+    """History of the numbered lines, which start at 1.
 
     Attributes:
         accepted: highest line that counts as accepted.
-        proven: highest line that was certainly accepted; a printer that requests one up to it has lost count.
+        proven: highest line that was certainly accepted; a printer that requests this or an earlier
+            line has lost count.
         cursor: number of the next line to send.
         next_number: next unused number.
         frame: function that frames a number and a command as a line.
@@ -65,8 +66,8 @@ class SendHistory:
         self._lines: dict[int, NumberedLine] = {}
 
     @property
-    def in_flight(self) -> int:
-        """Return the number of lines sent and not yet accepted."""
+    def n_in_flight(self) -> int:
+        """Return the number of lines that were sent and are not yet accepted."""
         return self.cursor - self.accepted - 1
 
     @property
@@ -84,7 +85,7 @@ class SendHistory:
         """Return the line to send next. Valid only while `cursor` is below `next_number`."""
         return self._lines[self.cursor]
 
-    def add(self, command: bytes, entries: int, timeout: float) -> None:
+    def add_line(self, command: bytes, entries: int, timeout: float) -> None:
         """Assign the next number to a command; see `NumberedLine` for the arguments."""
         self._lines[self.next_number] = NumberedLine(
             command, self.frame(self.next_number, command), entries, timeout
@@ -104,7 +105,7 @@ class SendHistory:
         return b"%s%s\n" % (start, line.text)
 
     def accept(self, number: int) -> int:
-        """Mark the lines up to `number`, a line in flight, as accepted; return the number of accepted job entries."""
+        """Mark the lines up to `number` as accepted; return the number of accepted job entries."""
         for old in range(self.accepted + 1, number + 1):
             self._lines.pop(old - _LINES_KEPT, None)
         self.accepted = number
@@ -115,28 +116,28 @@ class SendHistory:
         """Mark all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
 
-    def line(self, number: int) -> NumberedLine:
+    def get_line(self, number: int) -> NumberedLine:
         """Return line `number`, which must be in flight."""
         return self._lines[number]
 
     def find_newest(self, command: bytes) -> int | None:
-        """Return the number of the newest line in flight with this command, None if none."""
+        """Return the number of the newest line in flight with this command, None if there is none."""
         for number in range(self.cursor - 1, self.accepted, -1):
             if self._lines[number].command == command:
                 return number
         return None
 
     def find_oldest(self, command: bytes) -> int | None:
-        """Return the number of the oldest line in flight with this command, None if none."""
+        """Return the number of the oldest line in flight with this command, None if there is none."""
         numbers = range(self.accepted + 1, self.cursor)
         return next((number for number in numbers if self._lines[number].command == command), None)
 
     def commands_in_flight(self) -> list[bytes]:
-        """Return the commands in flight."""
+        """Return the commands of the lines in flight."""
         return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]
 
     def rewind(self, number: int) -> int:
-        """Go back so that line `number`, above `proven`, is sent next; return the number of accepted job entries."""
+        """Go back, so that line `number` is sent next; return the number of job entries still accepted."""
         self.cursor = number
         self.accepted = min(self.accepted, number - 1)
         return self._lines[self.accepted].entries if self.accepted else 0

@@ -1,4 +1,4 @@
-"""Queue of commands to send: injected commands, the job or the end script, and the closing queries."""
+"""Queue of commands to send: injected commands, the job or the end script, and the final queries."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 __all__ = ["POSITION_TOLERANCE", "SendQueue"]
 
 POSITION_TOLERANCE: Final = 0.05
-"""mm; printers report two decimals of single-precision numbers."""
+"""Tolerance of a reported position, mm: printers report two decimals of single-precision numbers."""
 
-_CLOSING_QUERIES: Final = (b"M400", PROBE_COMMAND)
+_FINAL_QUERIES: Final = (b"M400", PROBE_COMMAND)
 _MAX_POSITION_QUERIES: Final = 5
 
 
@@ -33,7 +33,7 @@ class SendQueue:
     """Queue of all commands of a print that have no line number yet.
 
     Attributes:
-        taken: number of job entries that have left the queue.
+        n_entries_taken: number of job entries that have left the queue.
         position: position reported by the printer, None until reported.
 
     Raises:
@@ -45,30 +45,30 @@ class SendQueue:
     ) -> None:
         check_commands(commands, max_line_bytes)
         self._max_line_bytes = max_line_bytes
-        self.taken = 0
+        self.n_entries_taken = 0
         self.position: AxisPositions | None = None
         self._commands = commands
         self._end_script: deque[bytes] | None = None
         self._injected: deque[bytes] = deque()
-        self._closing_queries = deque(_CLOSING_QUERIES)
+        self._final_queries = deque(_FINAL_QUERIES)
         self._position_queries = 0
         self._timeout = ResponseTimeout(limits)
         self._machine = MachineState()
         self._last_command, self._position_before = b"", self._machine.place
 
     def set_dialect(self, dialect: WireDialect) -> None:
-        """Apply the rules of the reported firmware."""
+        """Apply the protocol rules of the firmware that the printer has reported."""
         self._machine.set_flavour(flavour_of(dialect))
 
     def inject(self, command: bytes) -> None:
         """Queue a command ahead of the job.
 
         Raises:
-            UsageError: it can never be sent.
+            UsageError: the command can never be sent.
         """
         check_commands([command], self._max_line_bytes)
         self._injected.append(command)
-        self.restart_closing_queries()
+        self.restart_final_queries()
 
     @property
     def injected_count(self) -> int:
@@ -80,9 +80,9 @@ class SendQueue:
         self._end_script = deque(end_script)
         self._injected.clear()
 
-    def restart_closing_queries(self) -> None:
-        """Send the closing queries again, because the motion continues."""
-        self._closing_queries = deque(_CLOSING_QUERIES)
+    def restart_final_queries(self) -> None:
+        """Send the final queries again from the first one, because more commands follow."""
+        self._final_queries = deque(_FINAL_QUERIES)
         self._position_queries = 0
 
     def next_injected(self, max_length: int) -> bytes | None:
@@ -96,23 +96,24 @@ class SendQueue:
         """
         if self._end_script is not None:
             return _pop_next(self._end_script, max_length)
-        while self.taken < len(self._commands):
-            command = strip(self._commands[self.taken])
+        while self.n_entries_taken < len(self._commands):
+            command = strip(self._commands[self.n_entries_taken])
             if len(command) > max_length:
                 return None
-            self.taken += 1
+            self.n_entries_taken += 1
             if command:
                 return command
         return None
 
-    def next_closing_query(self) -> bytes | None:
-        """Return the next query that waits for the end of the motion or asks for the position; None after the last.
+    def next_final_query(self) -> bytes | None:
+        """Return the next of the queries that check the end of the print; None if all were sent.
 
-        The temperature query between them has a unique answer, so a surplus ok cannot suggest an early end. A printer
-        that has lost the last lines reports a position that differs from the expected one.
+        M400 waits for the end of the motion, and M114 queries the position. The M105 between them has a unique answer,
+        so a surplus ok cannot suggest an early end. A printer that has lost the last lines reports a position that
+        differs from the expected one.
         """
-        if self._closing_queries:
-            return self._closing_queries.popleft()
+        if self._final_queries:
+            return self._final_queries.popleft()
         # A report may be lost or damaged: query again before reporting a wrong position.
         if self._position_queries == 0 or (
             self._position_queries < _MAX_POSITION_QUERIES and not self._has_good_position()
@@ -123,7 +124,7 @@ class SendQueue:
         return None
 
     def track_command(self, command: bytes) -> float:
-        """Apply a command to the machine state when it gets its line number; return its timeout, s."""
+        """Apply a newly numbered command to the machine state; return how long its ok may take, s."""
         word, values = parse(command)
         self._position_before = self._expected_position
         self._last_command = command
@@ -131,7 +132,7 @@ class SendQueue:
         macro = is_macro(command)
         if macro:
             self._machine.forget_position()
-        return self._timeout.estimate(b"" if macro else word or b"SET", values, move)
+        return self._timeout.estimate_timeout(b"" if macro else word or b"SET", values, move)
 
     @property
     def _expected_position(self) -> Place:
@@ -139,7 +140,7 @@ class SendQueue:
         return (None, None, None, None) if self._machine.inches else self._machine.place
 
     def make_unacked_line(self) -> UnackedLine:
-        """Return an `UnackedLine` for the last command that got a line number."""
+        """Return an `UnackedLine` that finds out whether the last numbered command was executed."""
         word, values = parse(self._last_command)
         repeatable = is_repeatable(word, relative=self._machine.is_relative(values))
         return UnackedLine(
@@ -149,8 +150,8 @@ class SendQueue:
             is_probe=self._last_command == PROBE_COMMAND,
         )
 
-    def make_finished(self, acknowledged: int) -> Finished:
-        """Return the result of the print."""
+    def make_finished_event(self, acknowledged: int) -> Finished:
+        """Return the event that reports the end of the print."""
         return Finished(
             acknowledged=acknowledged,
             cancelled=self._end_script is not None,
@@ -160,7 +161,7 @@ class SendQueue:
         )
 
     def _has_good_position(self) -> bool:
-        """Return whether a position was reported that does not contradict the commands."""
+        """Return whether the printer has reported a position that does not contradict the commands."""
         return self.position is not None and self._is_at_end_position() is not False
 
     def _is_at_end_position(self) -> bool | None:

@@ -68,7 +68,7 @@ class PortInfo(Struct, frozen=True):
 
     @property
     def address(self) -> str:
-        """Return the address to open: the persistent name if there is one."""
+        """Return the address to open: the persistent name if the board has one, else the device name."""
         return self.by_id or self.device
 
 
@@ -103,7 +103,7 @@ def _make_port_info(port: ListPortInfo, names: dict[str, str]) -> PortInfo:
 
 
 def find_port_info(address: str, ports: Sequence[PortInfo] | None = None) -> PortInfo | None:
-    """Find the port of an address; return None for a URL or an unknown device."""
+    """Find the port with an address; return None for a URL or an unknown device."""
     connected = list_ports() if ports is None else ports
     real = os.path.realpath(address)
     return next((port for port in connected if real in {os.path.realpath(port.device), port.by_id}), None)
@@ -166,7 +166,7 @@ def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> S
 
 
 def _preserve_dtr(port: serial.Serial) -> None:
-    """Keep DTR when the port is closed or the process is killed, so that the printer is not reset."""
+    """Keep the level of DTR when the port is closed, so that the printer is not reset."""
     if sys.platform == "win32":
         return
     with contextlib.suppress(AttributeError, OSError, ValueError, termios.error):
@@ -176,7 +176,7 @@ def _preserve_dtr(port: serial.Serial) -> None:
 
 
 class SerialPort:
-    """Transport over an open pyserial port."""
+    """Byte stream to and from a printer over an open pyserial port."""
 
     def __init__(self, port: serial.Serial, address: str) -> None:
         self._port = port

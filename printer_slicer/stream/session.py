@@ -23,7 +23,7 @@ def run(  # noqa: PLR0913 - optional callbacks with default values
     record: Callable[[Sequence[Event]], None] = lambda _: None,
     longest_wait: float = 0.25,
 ) -> None:
-    """Stream until the print is done or halted; `streamer.state` tells which.
+    """Run a streamer until its print is done or halted; `streamer.state` says which.
 
     After any exception, such as Ctrl-C, it may be called again with the same streamer: truncated lines are detected and
     sent again. So a caller may cancel the print and call it again to run the end script.

@@ -46,17 +46,17 @@ class LineFate(Enum):
 
 
 def is_repeatable(word: bytes, *, relative: bool) -> bool:
-    """Return whether executing a command twice has the same effect as once; `relative`: moves are relative."""
+    """Return whether a command may be executed twice; `relative` says whether moves are relative."""
     return word in _REPEATABLE or word.startswith(b"T") or (word in _STRAIGHT_MOVES and not relative)
 
 
 class UnackedLine:
-    """Queries about one line whose acknowledgement is missing.
+    """Finds out whether the printer has executed a line whose acknowledgement is missing.
 
     Args:
         before, after: end position of the motion without and with the line.
         repeatable: whether the line may be executed twice.
-        is_probe: whether the line is itself an M105, so that its own answer looks like that to the last query.
+        is_probe: whether the line is itself an M105, whose answer looks like the answer to the last query.
 
     Attributes:
         position: reported position, None until reported.
@@ -80,8 +80,8 @@ class UnackedLine:
         """Ignore one ok, because the printer has read a command that was not sent."""
         self._n_oks -= 1
 
-    def resolve(self) -> LineFate | None:
-        """Decide the fate of the line when temperatures arrive; None if they may answer the line itself."""
+    def resolve_fate(self) -> LineFate | None:
+        """Return the fate of the line after an ok with temperatures; None if that ok may answer the line."""
         if self._expects_own_answer and self.position is None and not self._n_oks:
             self._expects_own_answer = False
             return None
@@ -93,7 +93,7 @@ class UnackedLine:
         return fate
 
     def _decide_fate(self) -> LineFate:
-        """Return the fate of the line according to the table above."""
+        """Return the fate of the line by the table in the module docstring."""
         is_before, is_after = (_matches_position(self.position, place) for place in self._positions)
         if self.position is not None and is_before != is_after:
             return LineFate.EXECUTED if is_after else LineFate.LOST

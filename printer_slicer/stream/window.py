@@ -37,7 +37,7 @@ _CLEAN_LINES: Final = 200
 """Number of lines without an error before more than two may be in flight."""
 
 _CLEAN_LINES_FOR_ADVANCED_OK: Final = 500
-"""The same number if only `ok N P B` shows that more lines are needed."""
+"""Number of lines without an error before more than two may be in flight, if only `ok N P B` suggests it."""
 
 _QUICK_ANSWERS: Final = 3
 """Number of answers faster than the baud rate allows before the link counts as native USB."""
@@ -47,14 +47,14 @@ _BITS_PER_BYTE: Final = 10  # with start and stop bit
 _USB_TIME_RATIO: Final = 0.7
 
 _EMPTY_SHARE: Final = 0.75
-"""Free share of the planner from which the planner counts as running empty."""
+"""Fraction of free places in the planner from which the planner counts as running empty."""
 
 _EMPTY_ANSWERS: Final = 32
 """Number of consecutive answers that report an almost empty planner before more lines may be in flight."""
 
 
 class Window:
-    """The limit of lines and bytes in flight.
+    """Limit of lines and bytes that may be in flight.
 
     Args:
         lines: limit of lines at the start, and on any cable that has not proved to be good.
@@ -79,7 +79,7 @@ class Window:
         self._has_had_error = False
 
     def set_dialect(self, dialect: WireDialect, *, emergency_parser: bool) -> None:
-        """Apply the rules of the reported firmware."""
+        """Apply the protocol rules of the firmware that the printer has reported."""
         self._dialect, self._has_emergency_parser = dialect, emergency_parser
         if not dialect.checks_line_numbers:
             # The firmware would execute the line after a lost line.
@@ -88,7 +88,7 @@ class Window:
 
     @property
     def is_careful(self) -> bool:
-        """Return whether there was an error recently."""
+        """Return whether only one line may be in flight, because of a recent error."""
         return self._careful_lines_left > 0
 
     def on_error(self) -> None:
@@ -98,7 +98,7 @@ class Window:
         self.lines = 1
 
     def on_accepted(self, count: int) -> None:
-        """Count accepted lines."""
+        """Count `count` accepted lines, and raise the limit after enough lines without an error."""
         self._n_clean_lines += count
         if self._careful_lines_left:
             self._careful_lines_left = max(0, self._careful_lines_left - count)
@@ -124,7 +124,7 @@ class Window:
         )
 
     def _update_limits(self) -> None:
-        """Recompute the limits."""
+        """Recompute the limits of lines and bytes in flight."""
         if self._careful_lines_left:
             return
         self.lines = self._initial_lines

@@ -309,19 +309,15 @@ def test_what_is_injected_at_the_end_moves_the_end(bytewise: bool) -> None:
 def test_numbers_tell_how_far_the_job_is(bytewise: bool) -> None:
     talk, _ = printing(moves(5), bytewise=bytewise)
     streamer = talk.streamer
-    assert (streamer.taken, streamer.accepted_line, streamer.next_line) == (2, 2, 5)
+    assert (streamer.n_entries_taken, streamer.accepted_line_number, streamer.next_line_number) == (2, 2, 5)
     assert not streamer.is_idle
 
     streamer.pause()
     streamer.inject(b"M117 hello")
     assert streamer.injected_count == 1
     talk.says("ok")
-    assert (streamer.injected_count, streamer.taken, streamer.accepted_line, streamer.next_line) == (
-        0,
-        2,
-        3,
-        6,
-    )
+    assert (streamer.injected_count, streamer.n_entries_taken) == (0, 2)
+    assert (streamer.accepted_line_number, streamer.next_line_number) == (3, 6)
     talk.says("ok")
     assert not streamer.is_idle
     talk.says("ok")

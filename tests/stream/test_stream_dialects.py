@@ -9,7 +9,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, wire_dialect_name
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendRequested
-from printer_slicer.stream.framing import checksum, frame_crc
+from printer_slicer.stream.framing import compute_checksum, frame_with_crc
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.replies import LineError, Resend, read_reply
 from printer_slicer.stream.states import State
@@ -27,7 +27,7 @@ MARLIN_2_1_3 = "FIRMWARE_NAME:Marlin 2.1.3 (Apr 20 2025) SOURCE_CODE_URL:x"
 
 
 def crc(number: int, command: str) -> bytes:
-    return frame_crc(number, command.encode())
+    return frame_with_crc(number, command.encode())
 
 
 def meet(commands: list[str], *introduction: str, **wishes: object) -> tuple[Conversation, list[bytes]]:
@@ -124,7 +124,7 @@ def test_more_than_two_lines_go_out_where_a_tail_is_refused_and_no_error_was_see
     talk.waits(1.0)
     after = accept(talk, 800)
     assert max(after) <= 2
-    assert talk.streamer._tracker.history.in_flight <= 2
+    assert talk.streamer._tracker.history.n_in_flight <= 2
 
 
 def test_more_than_two_lines_never_go_out_where_a_tail_would_be_executed() -> None:
@@ -144,7 +144,7 @@ def test_more_go_out_when_numbered_oks_tell_that_the_planner_runs_dry() -> None:
     assert len(out) == 2
 
     assert advanced(talk, 700, planner=15) == 702  # four places, and a parser that sees M112 behind them
-    assert talk.streamer._tracker.history.in_flight == 4
+    assert talk.streamer._tracker.history.n_in_flight == 4
 
 
 def test_a_full_planner_needs_no_more_than_two() -> None:
@@ -328,11 +328,11 @@ def test_a_position_that_fits_both_or_neither_tells_nothing() -> None:
 
     for place in ((5.0, 0.0, 0.0, 0.0), None):
         unacked.position = place
-        assert unacked.resolve() is LineFate.UNDECIDED
+        assert unacked.resolve_fate() is LineFate.UNDECIDED
     unacked.on_bare_ok()
     unacked.on_bare_ok()
-    assert unacked.resolve() is LineFate.EXECUTED
-    assert UnackedLine(before, before, repeatable=True).resolve() is LineFate.LOST
+    assert unacked.resolve_fate() is LineFate.EXECUTED
+    assert UnackedLine(before, before, repeatable=True).resolve_fate() is LineFate.LOST
 
 
 # Where an ok means read.
@@ -459,8 +459,8 @@ def test_the_remains_of_a_question_are_answered_too_and_tell_nothing_of_the_line
 
 
 def test_a_long_line_has_a_checksum_of_all_its_bytes() -> None:
-    assert checksum(b"x" * 301) == ord("x")
-    assert checksum(b"x" * 300 + b"y") == ord("y")
+    assert compute_checksum(b"x" * 301) == ord("x")
+    assert compute_checksum(b"x" * 300 + b"y") == ord("y")
 
 
 @pytest.mark.parametrize(

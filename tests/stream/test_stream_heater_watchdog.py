@@ -108,7 +108,7 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
         dog.on_sent(command, 1.0)
         printer.receive(command + b"\n", 1.0)
     printer.send(5.0)
-    printer.receive(dog.shutdown_lines(), 5.0)
+    printer.receive(dog.build_shutdown_lines(), 5.0)
     # Not every firmware can be told to wait no longer.
     for now in range(6, 1000):
         printer.send(float(now))
@@ -119,17 +119,17 @@ def test_its_last_words_make_a_printer_cold_that_waits_for_heat(firmware: str) -
 def test_last_words_name_what_was_ever_on_and_nothing_else() -> None:
     dog = HeaterWatchdog()
     dog.on_sent(b"M104 S0", 0.0)
-    assert dog.shutdown_lines() == b""
+    assert dog.build_shutdown_lines() == b""
     dog.on_sent(b"M104 S200", 0.0)
     dog.on_sent(b"M104 S0", 0.0)
-    assert b"\nM104 S0\n" in dog.shutdown_lines()
-    assert b"M140" not in dog.shutdown_lines()
+    assert b"\nM104 S0\n" in dog.build_shutdown_lines()
+    assert b"M140" not in dog.build_shutdown_lines()
 
 
 def test_last_words_count_heaters_that_others_switched_on() -> None:
     """A resumed print: what was sent before is read from its journal."""
     dog = HeaterWatchdog()
-    words = dog.shutdown_lines([b"G28", b"M190 S60", b"T1", b"M109 S200"])
+    words = dog.build_shutdown_lines([b"G28", b"M190 S60", b"T1", b"M109 S200"])
     assert b"\nM140 S0\n" in words
     assert b"\nM104 T1 S0\n" in words
 
@@ -155,9 +155,9 @@ def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tupl
             dog.on_answer(now)
     for name in dog.targets:
         assert name[0].encode() in (b"T", b"B")
-    assert dog.shutdown_lines().count(b" S0") >= 2 * len(dog.targets)
+    assert dog.build_shutdown_lines().count(b" S0") >= 2 * len(dog.targets)
 
 
 @pytest.mark.parametrize("command", [b"m104 s200", b"G10 P0 S200", b"M568 P0 S200"])
 def test_every_way_to_heat_the_nozzle_is_switched_off(command: bytes) -> None:
-    assert b"\nM104" in HeaterWatchdog().shutdown_lines([b"G28", command])
+    assert b"\nM104" in HeaterWatchdog().build_shutdown_lines([b"G28", command])

@@ -194,7 +194,7 @@ def test_a_bad_cable_is_warned_of_while_printing_and_at_the_end() -> None:
     def hear(event: Event) -> None:
         meter.on_event(event)
         resends.extend([event] if isinstance(event, ResendRequested) else [])
-        told.extend(meter.new_warnings())
+        told.extend(meter.find_new_warnings())
 
     run(
         Streamer(circle(4000), limits=LIMITS),

@@ -25,7 +25,7 @@ def waits(*commands: str, limits: MotionLimits | None = LIMITS) -> list[float]:
     allowed = []
     for command in commands:
         word, values = parse(command.encode())
-        allowed.append(timeout.estimate(word, values, tracker.apply(word, values)))
+        allowed.append(timeout.estimate_timeout(word, values, tracker.apply(word, values)))
     return allowed
 
 

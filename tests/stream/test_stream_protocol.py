@@ -593,7 +593,7 @@ def test_a_printer_that_lost_count_never_gets_the_job_again() -> None:
 def test_a_ledger_forgets_old_lines() -> None:
     history = SendHistory()
     for number in range(1, 1001):
-        history.add(b"G1 X%d" % number, number, 1.0)
+        history.add_line(b"G1 X%d" % number, number, 1.0)
         history.send_next(0.0)
         history.accept(number)
 

@@ -18,7 +18,7 @@ from printer_slicer.stream.replies import (
     Resend,
     Started,
     Stopped,
-    Unknown,
+    UnknownCommand,
     Wait,
     read_reply,
 )
@@ -56,7 +56,7 @@ SAID: dict[str, tuple[Reply, ...]] = {
     "// Klipper state: Disconnect": (Stopped("// Klipper state: Disconnect"),),
     "//action:pause": (Action("pause"),),
     "// action:notification Hello": (Action("notification Hello"),),
-    'echo:Unknown command: "M9999"': (Unknown(b"M9999", 'echo:Unknown command: "M9999"'),),
+    'echo:Unknown command: "M9999"': (UnknownCommand(b"M9999", 'echo:Unknown command: "M9999"'),),
     "FIRMWARE_NAME:Marlin 2.1 (Nov 21) SOURCE_CODE_URL:x PROTOCOL_VERSION:1.0": (
         Identity("Marlin 2.1 (Nov 21)"),
     ),

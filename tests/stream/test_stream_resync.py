@@ -80,7 +80,7 @@ def test_firmware_that_takes_any_number_cannot_be_asked() -> None:
         resync.receive(HOT, 2.0 * turn + 0.1)
 
     assert (resync.done, resync.line) == (True, None)
-    assert resync.reason == "its firmware does not check line numbers"
+    assert resync.reason == "the firmware does not check line numbers"
 
 
 def test_an_answer_that_was_lost_is_seen_by_the_number_that_is_wanted_next() -> None:
@@ -108,14 +108,14 @@ def test_a_printer_that_counts_on_without_us_is_left_alone() -> None:
     resync.send(0.5)
     resync.receive(b"Resend: 70\n", 1.0)
 
-    assert (resync.done, resync.reason) == (True, "it requests line 70 after line 43")
+    assert (resync.done, resync.reason) == (True, "the printer requests line 70 after line 43")
 
 
 @pytest.mark.parametrize(
     ("said", "reason"),
     [
-        (b"start\n", "it was reset"),
-        (b"Error:Printer halted. kill() called!\n", "it has stopped: "),
+        (b"start\n", "the printer was reset"),
+        (b"Error:Printer halted. kill() called!\n", "the printer has stopped: "),
     ],
 )
 def test_a_printer_that_lost_its_state_says_so(said: bytes, reason: str) -> None:
