@@ -13,9 +13,9 @@ import pytest
 import printer_slicer
 from printer_slicer.cli.parser import COMMANDS
 from printer_slicer.printing.commands import Abort
-from printer_slicer.printing.control_socket import serve_control
+from printer_slicer.printing.control_socket import serve_control_socket
 from printer_slicer.printing.controls import Controls
-from printer_slicer.printing.host_settings import host_settings_from
+from printer_slicer.printing.host_settings import make_host_settings
 from printer_slicer.printing.job_store import PortAddress, create_print
 from printer_slicer.printing.print_controller import Request
 from printer_slicer.profile import load_profile
@@ -179,9 +179,9 @@ def test_an_emergency_stop_has_several_names(
     controls.bind(granting)  # type: ignore[arg-type]
     monkeypatch.setenv("PRINTER_SLICER_STATE", str(tmp_path))
     held = create_print(
-        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), host_settings_from(load_profile())
+        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), make_host_settings(load_profile())
     )
-    with serve_control(held.folder, controls, held.name):
+    with serve_control_socket(held.folder, controls, held.name):
         outcome = typed("control", *words.split())
     held.delete()
 
@@ -200,9 +200,9 @@ def test_an_emergency_stop_imports_nothing_that_it_does_without(tmp_path: Path) 
         "print('loaded:', *sys.modules)"
     )
     held = create_print(
-        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), host_settings_from(load_profile())
+        tmp_path / "prints", "job.gcode", b"G28\n", PortAddress("port", 1), make_host_settings(load_profile())
     )
-    with serve_control(held.folder, controls, held.name):
+    with serve_control_socket(held.folder, controls, held.name):
         names = python(run, str(tmp_path)).partition("loaded:")[2].split()
     held.delete()
     own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}

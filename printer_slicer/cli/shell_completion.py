@@ -233,9 +233,9 @@ def _complete_port(prefix: str) -> _Words:
 
 def _complete_print_names(prefix: str) -> _Words:
     """Complete names of stored prints."""
-    from printer_slicer.printing.job_store import default_job_store, stored_prints
+    from printer_slicer.printing.job_store import default_job_store, load_stored_prints
 
-    return [one.name for one in stored_prints(default_job_store()) if one.name.startswith(prefix)]
+    return [one.name for one in load_stored_prints(default_job_store()) if one.name.startswith(prefix)]
 
 
 def _complete_finding_name(prefix: str) -> _Words:

@@ -1,4 +1,4 @@
-"""G-code of those print commands that become one line of G-code."""
+"""Format those print commands that consist of one line of G-code."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from printer_slicer.firmware import Firmware
 from printer_slicer.printing import commands
 from printer_slicer.stream.events import Identified
 
-__all__ = ["GCODE_COMMANDS", "gcode_for"]
+__all__ = ["GCODE_COMMANDS", "format_command"]
 
 
 def _format_baby_step(command: commands.BabyStep, firmware: Firmware, identified: Identified | None) -> bytes:
-    """Return the G-code of a baby step, unless the firmware reports that it does not support any."""
+    """Return the G-code of a baby step; raise an error if the firmware supports no baby steps."""
     if identified is not None and ("BABYSTEPPING", False) in identified.capabilities:
         raise UsageError(
             "the firmware does not support baby-steps", remedy="Build the firmware with BABYSTEPPING enabled"
@@ -35,8 +35,10 @@ GCODE_COMMANDS: Final[Mapping[type, Callable[[Any, Firmware, Identified | None],
 """For each kind of command, the function that formats its G-code for a firmware with reported capabilities."""
 
 
-def gcode_for(command: commands.PrintCommand, firmware: Firmware, identified: Identified | None) -> bytes:
-    """Return the G-code of a command whose kind is in `GCODE_COMMANDS`.
+def format_command(
+    command: commands.PrintCommand, firmware: Firmware, identified: Identified | None
+) -> bytes:
+    """Return the G-code of a print command whose kind is in `GCODE_COMMANDS`.
 
     Raises:
         UsageError: the firmware does not support the command.

@@ -1,4 +1,4 @@
-"""Commands for a running print, and their syntax.
+"""Parse the commands with which a user controls a running print.
 
 pause [now] [cold] [here]     pause after the planned moves or at once; let the nozzle cool down; do not park
 resume, cancel                resume, or cancel and run the end script
@@ -44,7 +44,7 @@ __all__ = [
 
 
 FORMER_ABORT: Final = "stop"
-"""Former name of the command `abort`, which works in this release."""
+"""Former name of the command `abort`; the name still works in this release."""
 
 
 class Pause(Struct, frozen=True):
@@ -113,7 +113,7 @@ class Say(Struct, frozen=True):
 
 
 class Answer(Struct, frozen=True):
-    """Press a button of the printer's prompt, counted from 0."""
+    """Press button number `choice` of the printer's prompt; the first button is 0."""
 
     choice: int
 
@@ -146,7 +146,7 @@ _PAUSE_OPTIONS: Final = frozenset({"now", "cold", "here"})
 
 
 def _parse_pause(rest: str) -> PrintCommand:
-    """Parse the options of a pause."""
+    """Parse the options of the command `pause`."""
     words = set(rest.split())
     if unknown := words - _PAUSE_OPTIONS:
         raise UsageError(f"unknown option {min(unknown)!r} of pause", remedy="Use pause [now] [cold] [here]")
@@ -158,7 +158,7 @@ def _make_parser_without_argument(build: Callable[[], PrintCommand]) -> Callable
 
     def parse(rest: str) -> PrintCommand:
         if rest:
-            raise UsageError(f"unexpected argument {rest!r}", remedy="Remove it")
+            raise UsageError(f"unexpected argument {rest!r}", remedy="Remove the argument")
         return build()
 
     return parse
@@ -188,7 +188,7 @@ def _make_number_parser(
         if not isfinite(value) or not low <= value <= high:
             raise UsageError(
                 f"{rest or 'no value'}: expected a number from {low:g} to {high:g} {unit}".rstrip(),
-                remedy="Enter a number in this range",
+                remedy=f"Enter a number from {low:g} to {high:g}",
             )
         return build(value)
 

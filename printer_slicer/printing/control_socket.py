@@ -25,7 +25,7 @@ from printer_slicer.printing.commands import PrintCommand, Status, parse_command
 if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
 
-__all__ = ["send_control_command", "serve_control"]
+__all__ = ["send_control_command", "serve_control_socket"]
 
 _ADDRESS_FILE = "control.json"
 _MAX_CHUNK_BYTES = 4096
@@ -35,8 +35,8 @@ _HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 
 
 @contextmanager
-def serve_control(folder: Path, controls: Controls, name: str) -> Iterator[None]:
-    """Answer control requests within a `with` block; if no socket can be opened, the block runs without them.
+def serve_control_socket(folder: Path, controls: Controls, name: str) -> Iterator[None]:
+    """Answer control requests within a `with` block, or none if no socket can be opened.
 
     Args:
         folder: private folder of the print; it holds the address.
@@ -131,7 +131,7 @@ def _answer_request(connection: socket.socket, controls: Controls, name: str, to
 
 
 def _execute(controls: Controls, command: PrintCommand) -> str:
-    """Execute a command and return its result; a status request returns soon even if the print is busy.
+    """Execute a command and return its result; a status request is answered soon, even by a busy print.
 
     Raises:
         UsageError: the command cannot be executed.
@@ -140,7 +140,7 @@ def _execute(controls: Controls, command: PrintCommand) -> str:
 
 
 def _read_line(connection: socket.socket) -> str:
-    """Read a line, without its line break.
+    """Read one line from a connection, and return it without its line break.
 
     Raises:
         ValueError: the line is incomplete or too long.
@@ -155,7 +155,7 @@ def _read_line(connection: socket.socket) -> str:
 
 
 def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> dict[str, Any]:
-    """Send a command to a running print; return its answer with the keys ok, job and answer.
+    """Send a command to a running print; return the JSON object that it answers: ok, job and answer.
 
     Args:
         folder: folder of the print.
@@ -163,12 +163,12 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
         timeout: timeout, s.
 
     Raises:
-        PortError: the print does not answer.
+        PortError: the print process does not respond.
     """
     if not (folder / _ADDRESS_FILE).exists():
         raise PortError(
-            "the print does not answer yet: it is waiting for its port or its printer",
-            remedy="Try again in a few seconds. If its process has ended, run printer-slicer resume",
+            "the print process does not respond yet: it is waiting for the serial port or the printer",
+            remedy="Try again in a few seconds. If the print process has ended, run printer-slicer resume",
         )
     try:
         address = json.loads((folder / _ADDRESS_FILE).read_text(encoding="utf-8"))
@@ -184,11 +184,11 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
             return dict(json.loads(_read_line(connection)))
     except TimeoutError:
         raise PortError(
-            f"the print does not answer within {timeout:g} s: its process is stopped, or the computer is busy",
-            remedy="Try again. If its process has ended, run printer-slicer resume",
+            f"the print process does not respond in {timeout:g} s: it is stopped, or the computer is busy",
+            remedy="Try again. If the print process has ended, run printer-slicer resume",
         ) from None
     except (OSError, ValueError, KeyError) as error:
         raise PortError(
-            f"the print does not answer: {error}",
-            remedy="If its process has ended, run printer-slicer resume",
+            f"the print process does not respond: {error}",
+            remedy="If the print process has ended, run printer-slicer resume",
         ) from None

@@ -1,4 +1,4 @@
-"""Control of a running print from other threads, options of a print, and its result."""
+"""Control a running print from other threads. Also: the options and the result of a print."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BUSY_PROCESS = "the print process, which is writing to its port or gets no CPU 
 
 
 class Controls:
-    """Controls of a print: create an instance, pass it to `print_job`, and call its methods from any other thread."""
+    """Controls a running print: pass an instance to `print_job`, and call its methods from other threads."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -48,7 +48,7 @@ class Controls:
         *,
         waits_for: str = _PRINTER_CONNECTION,
     ) -> None:
-        """Send commands to a controller from now on, starting with the commands that were queued before.
+        """Send commands to this controller from now on; commands that are still queued come first.
 
         Args:
             controller: the controller; None while there is none.
@@ -90,7 +90,7 @@ class Controls:
         """Submit a command and wait for its result.
 
         Raises:
-            UsageError: the command cannot be executed, or the print does not answer.
+            UsageError: the command cannot be executed, or the print process does not respond.
         """
         answered, answers = Flag(), list[str | UsageError]()
 
@@ -101,7 +101,9 @@ class Controls:
 
         self.submit(Request(command, store_answer))
         if not answered.wait(timeout):
-            raise UsageError("the print does not answer", remedy="Check that the printer is connected")
+            raise UsageError(
+                "the print process does not respond", remedy="Check that the printer is connected"
+            )
         if isinstance(answers[0], UsageError):
             raise answers[0]
         return answers[0]
@@ -135,7 +137,7 @@ class Controls:
         self.ask(commands.SetTemperature(heater, celsius))
 
     def baby_step(self, mm: float) -> None:
-        """Move the nozzle up by `mm`, down if negative."""
+        """Move the nozzle and all following moves up by `mm`, down if negative."""
         self.ask(commands.BabyStep(mm))
 
     @accept_former_arguments(command="gcode")
@@ -144,7 +146,7 @@ class Controls:
         self.ask(commands.Say(gcode))
 
     def answer(self, choice: int) -> None:
-        """Press a button of the printer's prompt, counted from 0."""
+        """Press button number `choice` of the printer's prompt; the first button is 0."""
         self.ask(commands.Answer(choice))
 
     def status(self) -> dict[str, Any]:
@@ -152,7 +154,7 @@ class Controls:
         return dict(json.loads(self.ask(commands.Status())))
 
     def status_soon(self, timeout: float = _STATUS_TIMEOUT) -> dict[str, Any]:
-        """Return the status; if the print does not answer in time, the last known status and the reason for the wait.
+        """Return the status; after a timeout, return the last known status and what the print waits for.
 
         Args:
             timeout: s to wait for the print.

@@ -1,9 +1,10 @@
 """Second process that switches the heaters off if the printing process dies.
 
-`failsafe_process` starts it and reports the end of the print through a pipe. If the pipe closes without that report,
-the host was killed or crashed. The process then waits for a new host to resume the print. If none does, it opens the
-port and sends the commands of `HeaterWatchdog.shutdown_lines`. It cannot help when the computer loses its power or the
-cable is unplugged. Then only the thermal protection of the firmware remains.
+`run_failsafe_process` starts this process, and reports the end of the print through a pipe. If the pipe closes
+without that report, the host was killed or crashed. The process then waits for a new host to resume the print. If no
+host does so, the process opens the port and sends the commands of `HeaterWatchdog.build_shutdown_lines`. It cannot
+help when the computer loses its power or the cable is unplugged. Then only the thermal protection of the firmware
+remains.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from printer_slicer.printing.journal import HEATERS_OFF, HOST, Journal, read_jou
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.serial_port import open_port
 
-__all__ = ["failsafe_process", "main", "switch_off_unless_resumed"]
+__all__ = ["main", "run_failsafe_process", "switch_heaters_off_unless_resumed"]
 
 _PRINT_ENDED: Final = b"."
 _POLL_INTERVAL: Final = 0.5
@@ -37,8 +38,8 @@ _TRANSMIT_SECONDS: Final = 1.0
 
 
 @contextmanager
-def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
-    """Run the failsafe process for a print within a `with` block.
+def run_failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
+    """Within a `with` block, run a process that switches the heaters off if the host dies.
 
     Args:
         folder: folder of the print in the job store.
@@ -58,14 +59,16 @@ def failsafe_process(folder: Path, seconds: float) -> Iterator[None]:
 
 
 def main(folder: Path, seconds: float) -> int:
-    """Wait until the host has ended, then switch the heaters off unless the print is resumed; return the exit code."""
+    """Wait for the end of the host, then call `switch_heaters_off_unless_resumed`; return the exit code."""
     while data := os.read(0, 1):
         if data == _PRINT_ENDED:
             return 0
-    return switch_off_unless_resumed(folder, seconds)
+    return switch_heaters_off_unless_resumed(folder, seconds)
 
 
-def switch_off_unless_resumed(folder: Path, seconds: float, clock: Callable[[], float] = monotonic) -> int:
+def switch_heaters_off_unless_resumed(
+    folder: Path, seconds: float, clock: Callable[[], float] = monotonic
+) -> int:
     """Switch the heaters off unless the print is resumed in time; return the exit code: 1 if that failed.
 
     Args:
@@ -86,9 +89,10 @@ def switch_off_unless_resumed(folder: Path, seconds: float, clock: Callable[[], 
 
 
 def _wait_for_new_host(folder: Path, seconds: float, clock: Callable[[], float]) -> Print | None:
-    """Wait for a new host; return the locked print if none appears in time, None if the print was resumed or deleted.
+    """Wait for a new host; return the print, locked, if no host resumes it in time, else None.
 
-    A lock alone does not count as a resume: the new host may still ask the user, or find that the state is lost.
+    A deleted print also gives None. A lock alone does not count as a resume: the new host may still ask the
+    user, or find that the state is lost.
     """
     host = _read_last_host(folder)
     end, timer = clock() + seconds, Flag()

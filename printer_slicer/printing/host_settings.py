@@ -1,4 +1,4 @@
-"""Profile settings that the host needs during a print; they are stored with it, so that profiles may change."""
+"""Printer settings that the host needs during a print; each print stores its own copy."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from printer_slicer.firmware import FIRMWARES, Firmware
 from printer_slicer.motion.rules import MotionLimits, limits_of
-from printer_slicer.printing.journal import struct_from_json
+from printer_slicer.printing.journal import restore_struct
 from printer_slicer.values import Struct, as_dict, field
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
-__all__ = ["HostSettings", "host_settings_from", "parse_host_settings"]
+__all__ = ["HostSettings", "make_host_settings", "parse_host_settings"]
 
 
 class HostSettings(Struct, frozen=True):
@@ -55,7 +55,7 @@ class HostSettings(Struct, frozen=True):
 
     @property
     def firmware(self) -> Firmware:
-        """Return the properties of the firmware."""
+        """Return the properties of the firmware with this G-code flavour."""
         return FIRMWARES[self.flavour]
 
     def as_json(self) -> dict[str, Any]:
@@ -63,8 +63,8 @@ class HostSettings(Struct, frozen=True):
         return as_dict(self)
 
 
-def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
-    """Extract the host settings from a profile; `allowed` holds the names of allowed findings."""
+def make_host_settings(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
+    """Return the host settings of a profile; `allowed` holds the names of the findings that are allowed."""
     from printer_slicer.profile import settings_of  # noqa: PLC0415 - not needed when settings are read from the job store
 
     printer = profile.printer
@@ -88,12 +88,12 @@ def host_settings_from(profile: Profile, allowed: Iterable[str] = ()) -> HostSet
 
 
 def parse_host_settings(values: Mapping[str, Any]) -> HostSettings:
-    """Rebuild the settings from the result of `as_json`.
+    """Restore host settings from the JSON object that `HostSettings.as_json` has returned.
 
     Raises:
         TypeError: a value has the wrong type.
     """
-    setup = struct_from_json(HostSettings, values)
+    setup = restore_struct(HostSettings, values)
     if setup.flavour not in FIRMWARES:
         raise TypeError(f"flavour is {setup.flavour!r}, which this version does not support")
     return setup

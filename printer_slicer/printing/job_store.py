@@ -1,4 +1,4 @@
-"""Store of running and unfinished prints: one folder per print."""
+"""Store running and unfinished prints, one folder per print, so that they can be resumed."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = [
     "PortAddress",
     "Print",
     "create_print",
-    "damaged_prints",
     "default_job_store",
     "find_damage",
+    "find_damaged_prints",
     "find_print",
     "find_unfinished_print",
     "is_same_port",
     "load_print",
-    "stored_prints",
+    "load_stored_prints",
 ]
 
 _LOCK_TIMEOUT = 0.04  # s; longer than other processes hold the lock to check whether a print is running
@@ -83,12 +83,12 @@ class Print(Struct):
 
     @property
     def text(self) -> bytes:
-        """Return the copy of the G-code."""
+        """Return the G-code of the print, which is a copy of the original file."""
         return (self.folder / _JOB_FILE).read_bytes()
 
     @property
     def is_same_boot(self) -> bool:
-        """Return whether the computer has not restarted since; otherwise the end of the journal may be missing."""
+        """Return whether the computer has not restarted since the print began."""
         return bool(self.boot) and self.boot == _read_boot_id()
 
     def lock(self) -> bool:
@@ -96,7 +96,7 @@ class Print(Struct):
         return self._try_to_lock(_LOCK_TIMEOUT)
 
     def _try_to_lock(self, seconds: float) -> bool:
-        """Try to lock the print for `seconds`; return whether that succeeded. The lock ends with the process."""
+        """Try for `seconds` to lock the print for this process; return whether that succeeded."""
         from filelock import FileLock, Timeout  # noqa: PLC0415 - slow
 
         # A print may end in a thread that did not start it.
@@ -116,7 +116,7 @@ class Print(Struct):
 
     @property
     def is_running(self) -> bool:
-        """Return whether a process is printing it; False if its lock is damaged."""
+        """Return whether a process is running this print; False if the lock file is damaged."""
         try:
             return self.is_locked
         except OSError:
@@ -127,7 +127,7 @@ class Print(Struct):
         """Return whether a process has locked the print.
 
         Raises:
-            OSError: its lock is not a file.
+            OSError: the lock is not a file.
         """
         if self._lock:
             return True
@@ -160,8 +160,10 @@ class DamagedPrint(Struct, frozen=True):
 
     @property
     def remedy(self) -> str:
-        """Return the remedy to show to the user."""
-        return f"It cannot be resumed. Delete it with printer-slicer resume --discard {self.folder.name}"
+        """Return what the user can do about the damaged print."""
+        return (
+            f"The print cannot be resumed. Delete it with printer-slicer resume --discard {self.folder.name}"
+        )
 
     def make_error(self) -> UsageError:
         """Return the error to raise when the user tries to resume the print."""
@@ -213,7 +215,7 @@ def create_print(
         rmtree(folder, ignore_errors=True)
         raise OutputError(
             f"{job_store}: cannot store the print: {error.strerror}",
-            remedy="Free some space, or set PRINTER_SLICER_STATE to another folder",
+            remedy="Free some disk space, or set PRINTER_SLICER_STATE to another folder",
         ) from None
     made = load_print(folder)
     assert made is not None
@@ -221,7 +223,7 @@ def create_print(
     return made
 
 
-def stored_prints(job_store: JobStore) -> Iterator[Print]:
+def load_stored_prints(job_store: JobStore) -> Iterator[Print]:
     """Yield the stored prints, the oldest first."""
     if not job_store.is_dir():
         return
@@ -231,14 +233,14 @@ def stored_prints(job_store: JobStore) -> Iterator[Print]:
 
 
 def load_print(folder: Path) -> Print | None:
-    """Load the print in a folder; return None if there is none, or its head file is invalid."""
+    """Load the print in a folder; return None if the folder holds no print, or its head file is invalid."""
     with suppress(_InvalidHeadError):
         return _read_print(folder)
     return None
 
 
 def _read_print(folder: Path) -> Print | None:
-    """Read the print in a folder; return None if there is none.
+    """Read the print in a folder; return None if the folder holds no print.
 
     Raises:
         _InvalidHeadError: its head file is invalid.
@@ -263,7 +265,7 @@ def _read_print(folder: Path) -> Print | None:
 
 
 def find_damage(print_: Print) -> DamagedPrint | None:
-    """Find damage in the files of a print that prevents a resume; return None if there is none."""
+    """Find a damaged file that prevents a resume of the print; return None if all files are valid."""
     # Imported here, because a process that only controls a print does not need these modules.
     from printer_slicer.commands import split_gcode  # noqa: PLC0415
     from printer_slicer.printing.journal import read_journal  # noqa: PLC0415
@@ -294,7 +296,7 @@ def _is_valid_port(port: str) -> bool:
     return False
 
 
-def damaged_prints(job_store: JobStore) -> Iterator[DamagedPrint]:
+def find_damaged_prints(job_store: JobStore) -> Iterator[DamagedPrint]:
     """Yield damaged prints that are not running, the oldest first."""
     for folder in sorted(job_store.iterdir()) if job_store.is_dir() else ():
         try:
@@ -319,15 +321,15 @@ def is_same_port(first: str, second: str) -> bool:
 
 
 def find_unfinished_print(job_store: JobStore, port: str) -> Print | None:
-    """Find an unfinished print on a port that no process is printing; return None if there is none."""
-    for one in stored_prints(job_store):
+    """Find a stored print for this port that no process is running; return None if there is none."""
+    for one in load_stored_prints(job_store):
         if is_same_port(one.port, port) and not one.is_running:
             return one
     return None
 
 
 def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
-    """Find a stored print by its name, or the only print.
+    """Find the stored print with this name; an empty name means the only print.
 
     Args:
         job_store: the store.
@@ -337,9 +339,9 @@ def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
     Raises:
         UsageError: no print matches, or more than one does.
     """
-    known = list(stored_prints(job_store))
+    known = list(load_stored_prints(job_store))
     if not running:
-        damaged = {one.folder: one for one in damaged_prints(job_store)}
+        damaged = {one.folder: one for one in find_damaged_prints(job_store)}
         for one in known:
             if name and one.folder in damaged and name in {one.name, one.folder.name}:
                 raise damaged[one.folder].make_error()
@@ -362,7 +364,7 @@ def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
 
 
 def _make_absolute(port: str) -> str:
-    """Return the address of a port with an absolute path, so that it is valid in any working directory."""
+    """Make the path of a port absolute, so that the path is valid in any working directory."""
     return port if "://" in port else str(Path(port).absolute())
 
 

@@ -1,4 +1,4 @@
-"""Journal of a print: the data for a resume, however the host ends.
+"""Keep the journal of a print: the data to resume it, however the host process ends.
 
 Each print has a folder with `head.json` (job, port and printer settings), `job.gcode` (a copy of the file, because the
 original may be changed or deleted) and `journal`, to which records are only appended. A record is one short line with a
@@ -40,7 +40,7 @@ __all__ = [
     "JournalData",
     "NumberedRecord",
     "read_journal",
-    "struct_from_json",
+    "restore_struct",
 ]
 
 _FILE_NAME: Final = "journal"
@@ -57,20 +57,20 @@ HOST: Final = "host"
 
 
 class Journal:
-    """Writer of a journal.
+    """Appends records to the journal of a print.
 
     Attributes:
-        failed: why the journal can no longer be written; empty while it can.
+        failure: why the journal can no longer be written; empty while it can.
     """
 
     def __init__(self, folder: Path) -> None:
-        self.failed = ""
+        self.failure = ""
         self._file = -1
         self._dirty = False
         try:
             self._file = os.open(folder / _FILE_NAME, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         except OSError as error:
-            self.failed = error.strerror or str(error)
+            self.failure = error.strerror or str(error)
 
     def record_restart(self, entries: int) -> None:
         """Record that line numbering restarts after `entries` accepted job entries."""
@@ -89,7 +89,7 @@ class Journal:
         self._write("S " + json.dumps(values))
 
     def record_end(self, reason: str, now: float) -> None:
-        """Record that the print ended, or that the host lost the connection."""
+        """Record why the print ended, or that the host lost the connection."""
         self._write(f"X {now:.3f} " + " ".join(reason.split()))
 
     def sync(self) -> None:
@@ -125,13 +125,13 @@ class Journal:
 
     def _fail(self, reason: str) -> None:
         """Stop writing, because readers stop at an incomplete record."""
-        self.failed = self.failed or reason
+        self.failure = self.failure or reason
         os.close(self._file)
         self._file = -1
 
 
 class NumberedRecord(Struct, frozen=True):
-    """Record `N`: once line `number` is accepted, `entries` job entries are; each further line adds one entry."""
+    """Record `N`: line `number` completes the first `entries` job entries, each later line one more."""
 
     number: int
     entries: int
@@ -167,21 +167,21 @@ class JournalData(Struct):
     damage: str = ""
     _pending: list[NumberedRecord] = field(default_factory=list)
 
-    def entries_at(self, number: int) -> int:
-        """Return the number of job entries that are accepted once line `number` of the current numbering is."""
+    def count_entries_until(self, number: int) -> int:
+        """Return how many job entries are accepted once line `number` of this numbering is accepted."""
         index = bisect_right(self.lines, number, key=lambda record: record.number) - 1
         if index < 0:
             return self.base
         record = self.lines[index]
         return record.entries + number - record.number
 
-    def inserted_commands_until(self, number: int) -> list[tuple[int, bytes]]:
-        """Return `commands` as it will be once line `number` is accepted."""
+    def list_inserted_commands_until(self, number: int) -> list[tuple[int, bytes]]:
+        """Return the commands from outside the job that are accepted once line `number` is accepted."""
         accepted = [record for record in self._pending if record.number <= number]
         return self.commands + [(record.entries, record.command) for record in accepted if record.command]
 
     def add_record(self, kind: str, rest: str) -> None:
-        """Apply a record.
+        """Update the data by one record of the journal.
 
         Args:
             kind: first letter of the record.
@@ -202,7 +202,7 @@ class JournalData(Struct):
         elif kind == "S":
             states = json.loads(rest)
             if not isinstance(states, dict):
-                raise ValueError("not a JSON object")
+                raise ValueError("the states are not a JSON object")
             self.states |= states
         elif kind == "X":
             now, reason = rest.split(" ", 1)
@@ -212,7 +212,7 @@ class JournalData(Struct):
             raise ValueError("unknown kind of record")
 
     def _restart_numbering(self, entries: int) -> None:
-        """Apply a restart of line numbering after `entries` accepted job entries."""
+        """Restart the line numbering after `entries` accepted job entries."""
         self.before = self.line if self.lines else self.before
         self.base = self.entries = entries
         self.line, self.stopped, self.reason = 0, None, ""
@@ -227,7 +227,7 @@ class JournalData(Struct):
             records.append(record)
 
     def _accept(self, number: int, entries: int, now: float) -> None:
-        """Apply an acknowledgement of the lines up to `number`."""
+        """Mark the lines up to `number`, and `entries` job entries, as accepted."""
         self.line, self.entries = number, entries
         self.accepted.append((entries, now))
         while self._pending and self._pending[0].number <= number:
@@ -237,7 +237,7 @@ class JournalData(Struct):
 
 
 def _parse_count(text: str) -> int:
-    """Parse a number of lines or commands.
+    """Parse a non-negative number of lines or commands.
 
     Raises:
         ValueError: the text is not such a number.
@@ -286,14 +286,14 @@ def read_journal(folder: Path) -> JournalData:
 _Stored = TypeVar("_Stored", bound=Struct)
 
 
-def struct_from_json(kind: type[_Stored], stored: object) -> _Stored:
-    """Rebuild a value from the JSON form of `as_dict`; unknown fields are ignored.
+def restore_struct(kind: type[_Stored], stored: object) -> _Stored:
+    """Restore a struct from the JSON object that `as_dict` has returned; unknown fields are ignored.
 
     Raises:
         TypeError: a value is missing or has the wrong type; the message names it.
     """
     if _has_nan(stored):
-        raise TypeError("a number is NaN")
+        raise TypeError("a stored number is NaN")
     try:
         return msgspec.convert(stored, kind)
     except msgspec.ValidationError as error:

@@ -1,7 +1,7 @@
-"""State of a print that is needed to resume it: machine state, settings, and extent of the printed part.
+"""Track what is needed to resume a print: machine state, settings, and extent of the printed part.
 
-It is updated with each command in the order in which the printer receives them, so that a print can be resumed exactly:
-after a pause, or on a printer that has lost its state. Lengths in mm, speeds in mm/s.
+The state is updated with each command in the order in which the printer receives them. So a print can be resumed
+exactly: after a pause, or on a printer that has lost its state. Lengths in mm, speeds in mm/s.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Step(NamedTuple):
 
 
 class PrintState:
-    """State of a print, updated by `follow` with each command.
+    """State of a print, which `follow` updates by each command that is sent.
 
     Args:
         flavour: G-code flavour of the firmware.
@@ -96,7 +96,7 @@ class PrintState:
         return low_x + x, low_y + y, high_x + x, high_y + y
 
     def fork(self) -> PrintState:
-        """Return an independent copy without `recent`."""
+        """Return an independent copy of the state, whose list of recent moves is empty."""
         other = copy(self)
         other.machine = self.machine.fork()
         other.sticky = dict(self.sticky)
@@ -117,7 +117,7 @@ class PrintState:
         self.modal = self.machine.modal
 
     def follow(self, command: bytes, entry: int = -1) -> None:
-        """Apply a command; `entry` is its index in the job, -1 for a user, SCRIPT_ENTRY for the host."""
+        """Update the state by a command; `entry` is its job index, or -1 (user), or SCRIPT_ENTRY (host)."""
         command = strip(command)
         word, values = parse(command)
         before = self.modal
@@ -155,7 +155,7 @@ class PrintState:
             self._extend_box(after)
 
     def _extend_box(self, modal: ModalState) -> None:
-        """Extend the bounding box to a position."""
+        """Extend the bounding box so that it contains a position."""
         if modal.x is None or modal.y is None:
             return
         x, y = modal.x - self.machine.shift[0], modal.y - self.machine.shift[1]
@@ -173,7 +173,7 @@ class PrintState:
             self.sticky[word + b"".join(sorted(values))] = command, self.machine.inches
 
     def _record_extended_setting(self, command: bytes) -> None:
-        """Record an extended command, as of Klipper, if it changes the bed mesh or a persistent setting."""
+        """Record a Klipper command if it changes the bed mesh or a persistent setting."""
         name, _ = parse_extended(command)
         if name in _STICKY_COMMANDS:
             self.sticky[name] = command, False

@@ -1,4 +1,4 @@
-"""Geometry of moves: the point of a move nearest to a position, and the rest of a move after a point."""
+"""Find the point of a move that is nearest to a position, and build the rest of a move from there."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.machine_state import Step, format_number
 from printer_slicer.values import replace
 
-__all__ = ["find_nearest_move", "remaining_move", "state_at"]
+__all__ = ["build_remaining_move", "find_nearest_move", "interpolate_state"]
 
 _MOVES = commands_that(Effect.MOVES)
 _ARCS = commands_that(Effect.ARC)
@@ -47,39 +47,41 @@ def _find_arc_centre(step: Step) -> tuple[float, float, float] | None:
     return cx, cy, angle if word == b"G3" else angle - 2 * pi if angle < 2 * pi else -2 * pi
 
 
-def _interpolate(step: Step, share: float) -> PositionWithE:
-    """Return the position after the fraction `share` of a move."""
+def _interpolate_position(step: Step, fraction: float) -> PositionWithE:
+    """Return the position after the given fraction of a move."""
     start, end = _find_endpoints(step)
-    x, y, z, e = (a + share * (b - a) for a, b in zip(start, end, strict=True))
+    x, y, z, e = (a + fraction * (b - a) for a, b in zip(start, end, strict=True))
     arc = _find_arc_centre(step)
     if arc is not None:
         cx, cy, turn = arc
         radius = hypot(start[0] - cx, start[1] - cy)
-        angle = atan2(start[1] - cy, start[0] - cx) + share * turn
+        angle = atan2(start[1] - cy, start[0] - cx) + fraction * turn
         x, y = cx + radius * cos(angle), cy + radius * sin(angle)
     return x, y, z, e
 
 
 def _project_on_segment(a: PositionWithE, b: PositionWithE, point: PositionWithE) -> tuple[float, float]:
-    """Project a point onto the segment a-b; return the nearest point as a share of it, and the squared distance."""
+    """Return the fraction of segment a-b at which it is nearest to `point`, and the squared distance."""
     along = [q - p for p, q in zip(a, b, strict=True)]
     length = sum(d * d for d in along)
-    share = sum(d * (q - p) for d, p, q in zip(along, a, point, strict=True)) / length if length else 1.0
-    share = min(max(share, 0.0), 1.0)
-    return share, sum((p + share * d - q) ** 2 for p, d, q in zip(a, along, point, strict=True))
+    fraction = sum(d * (q - p) for d, p, q in zip(along, a, point, strict=True)) / length if length else 1.0
+    fraction = min(max(fraction, 0.0), 1.0)
+    return fraction, sum((p + fraction * d - q) ** 2 for p, d, q in zip(a, along, point, strict=True))
 
 
-def _find_nearest_share(step: Step, point: PositionWithE) -> tuple[float, float]:
-    """Find the point of a move nearest to a position; return it as a share of the move, and the squared distance."""
+def _find_nearest_fraction(step: Step, point: PositionWithE) -> tuple[float, float]:
+    """Return the fraction of a move at which it is nearest to `point`, and the squared distance."""
     if _find_arc_centre(step) is None:
         return _project_on_segment(*_find_endpoints(step), point)
     best = (0.0, float("inf"))
     for chord in range(_CHORDS):
-        share, off = _project_on_segment(
-            _interpolate(step, chord / _CHORDS), _interpolate(step, (chord + 1) / _CHORDS), point
+        fraction, off = _project_on_segment(
+            _interpolate_position(step, chord / _CHORDS),
+            _interpolate_position(step, (chord + 1) / _CHORDS),
+            point,
         )
         if off < best[1]:
-            best = (chord + share) / _CHORDS, off
+            best = (chord + fraction) / _CHORDS, off
     return best
 
 
@@ -87,22 +89,22 @@ def find_nearest_move(steps: Sequence[Step], point: PositionWithE) -> tuple[int,
     """Find the move nearest to a position.
 
     Returns:
-        Index of the move, share of the move at its nearest point, and distance, mm.
+        Index of the move, fraction of the move at its nearest point, and distance, mm.
     """
     found = [
-        (off, -index, share)
+        (off, -index, fraction)
         for index, step in enumerate(steps)
-        for share, off in [_find_nearest_share(step, point)]
+        for fraction, off in [_find_nearest_fraction(step, point)]
     ]
     least = min(off for off, _, _ in found)
     # Consecutive moves share a point; take the later one, at its start.
-    _, index, share = min((one for one in found if one[0] <= least + 1e-9), key=lambda one: one[1])
-    return -index, share, sqrt(least)
+    _, index, fraction = min((one for one in found if one[0] <= least + 1e-9), key=lambda one: one[1])
+    return -index, fraction, sqrt(least)
 
 
-def state_at(step: Step, share: float) -> ModalState:
-    """Return the machine state after the fraction `share` of a move."""
-    x, y, z, e = _interpolate(step, share)
+def interpolate_state(step: Step, fraction: float) -> ModalState:
+    """Return the machine state after the given fraction of a move."""
+    x, y, z, e = _interpolate_position(step, fraction)
     pulled = max(step.before.pulled - (e - step.before.e), 0.0)
     return replace(
         step.before,
@@ -115,9 +117,9 @@ def state_at(step: Step, share: float) -> ModalState:
     )
 
 
-def remaining_move(step: Step, share: float) -> bytes:
-    """Return the command for the rest of a move after the fraction `share` of it, in the unit of the program."""
-    here, after = state_at(step, share), step.after
+def build_remaining_move(step: Step, fraction: float) -> bytes:
+    """Return the command for the rest of a move after the given fraction, in the unit of the program."""
+    here, after = interpolate_state(step, fraction), step.after
     word = parse(step.command)[0]
     words = [word if word in _MOVES else b"G1"]  # not G53, whose coordinates are those of the machine
 

@@ -1,4 +1,4 @@
-"""Objects on one plate: which entries print which object, and how a cancelled object is skipped.
+"""Find the objects of a plate in the G-code, and skip the moves of cancelled objects.
 
 The moves of a cancelled object are not sent, nor its commands that change the interpretation of moves. All other
 commands of the object are sent, so that heaters, fan and limits stay as in the file. Its last moves are replaced by the
@@ -41,7 +41,7 @@ _TOLERANCE: Final = 1e-6
 
 
 class Span(Struct, frozen=True):
-    """Range of job entries, from `first` to before `end`, that print the object `name`."""
+    """Range of job entries that print the object `name`: entry `first` to the one before `end`."""
 
     name: str
     first: int
@@ -69,7 +69,7 @@ def find_object_spans(text: bytes) -> tuple[Span, ...]:
 
 
 def _read_object_mark(line: bytes, names: dict[str, str], inside: str) -> str | None:
-    """Return the name of the object that starts in a line; empty if an object ends there, None for any other line."""
+    """Return the name of the object that starts in a line; empty if an object ends, None if neither."""
     if found := _COMMENT.match(line):
         return "" if found[1] else found[2].decode(errors="replace")
     if found := _EXCLUDE_OBJECT.match(line):
@@ -124,13 +124,13 @@ class LiveJob(Sequence[bytes]):
         self._decided = first  # earlier entries have been sent and do not change any more
 
     @property
-    def names(self) -> list[str]:
+    def object_names(self) -> list[str]:
         """Return the names of the objects in printing order."""
         return list(dict.fromkeys(span.name for span in self._spans))
 
     def as_json(self) -> dict[str, Any]:
-        """Return all objects and the cancelled objects as part of the status."""
-        return {"objects": self.names, "cancelled": sorted(self.cancelled)}
+        """Return the names of all objects and of the cancelled objects, as part of the status."""
+        return {"objects": self.object_names, "cancelled": sorted(self.cancelled)}
 
     def __len__(self) -> int:
         """Return the number of entries."""
@@ -152,32 +152,32 @@ class LiveJob(Sequence[bytes]):
         """Iterate over the original entries; cancelled objects are included."""
         return iter(self._commands)
 
-    def cancel(self, name: str, taken: int) -> str:
-        """Cancel an object from entry `taken` on; return its name.
+    def cancel_object(self, name: str, n_entries_taken: int) -> str:
+        """Skip an object from job entry `n_entries_taken` on; `name` is its name or number. Return its name.
 
         Raises:
             UsageError: no object has this name.
         """
-        names = self.names
+        names = self.object_names
         if name not in names and name.isdecimal() and int(name) < len(names):
             name = names[int(name)]
         if name not in names:
             known_objects = ", ".join(names) if names else "none, because the file marks no objects"
             raise UsageError(f"no object named {name!r}", remedy=f"Objects: {known_objects}")
         self.cancelled.add(name)
-        self.cancelled_at.setdefault(name, taken)
-        self._decided = max(self._decided, taken)
+        self.cancelled_at.setdefault(name, n_entries_taken)
+        self._decided = max(self._decided, n_entries_taken)
         return name
 
     def follow(self, until: int) -> PrintState:
-        """Apply the entries before `until` to the print state; return it."""
+        """Update the print state by the entries before `until`; return the print state."""
         for index in range(self.followed, until):
             self.print_state.follow(self[index], index)
         self.followed = max(self.followed, until)
         return self.print_state
 
     def _decide_entry(self, index: int) -> None:
-        """Decide what to send for an entry: skip the rest of its object if the object is cancelled."""
+        """Decide what to send for an entry; skip the rest of its object if the object is cancelled."""
         at = bisect_right(self._first_entries, index) - 1
         if at < 0:
             self._decided = index
@@ -190,7 +190,7 @@ class LiveJob(Sequence[bytes]):
             self._decided = index + 1
 
     def _skip_moves(self, first: int, end: int) -> None:
-        """Skip the moves from `first` to before `end`; replace the last ones by commands for their other effects."""
+        """Skip the moves in entries `first` to `end` - 1; the last ones become setup for the next object."""
         self._decided = end  # set before `follow`, which also reads entries
         before = self.follow(first)
         after = before.fork()
@@ -212,7 +212,7 @@ class LiveJob(Sequence[bytes]):
         self._changed |= dict(zip(moves[len(moves) - len(replacement) :], replacement, strict=True))
 
     def _is_travel_next(self, end: int, modal: ModalState) -> bool:
-        """Return whether the first move after the object is a travel to an absolute position."""
+        """Return whether the first move from entry `end` on is a travel to an absolute position."""
         for index in range(end, min(end + _MAX_LOOK_AHEAD, len(self._commands))):
             word, values = parse(self._commands[index])
             if word in {b"G0", b"G1"} and (b"X" in values or b"Y" in values):
@@ -225,7 +225,7 @@ class LiveJob(Sequence[bytes]):
 
 
 def _build_replacement(before: MachineState, after: MachineState, is_travel_next: bool) -> list[bytes]:
-    """Return the commands that replace a cancelled object: they lead from the state before it to the state after it."""
+    """Return commands that replace a cancelled object and bring the machine from `before` to `after`."""
     now, script = before.fork(), list[bytes]()
 
     def emit(command: bytes) -> None:
@@ -256,7 +256,7 @@ def _build_replacement(before: MachineState, after: MachineState, is_travel_next
 
 
 def _restore_origin(now: MachineState, after: MachineState, emit_in_mm: Callable[[bytes], None]) -> None:
-    """Restore the origin that the file has after the object, by M206 and G92."""
+    """Set the origin that the file uses after a cancelled object, with M206 and G92."""
     homes = zip(now.home_offset, after.home_offset, strict=True)
     words = _format_axis_words([new if abs(new - old) > _TOLERANCE else None for old, new in homes])
     if (
@@ -274,7 +274,7 @@ def _restore_origin(now: MachineState, after: MachineState, emit_in_mm: Callable
 
 
 def _format_axis_words(values: Iterable[float | None]) -> list[bytes]:
-    """Format the words X, Y and Z for those values that are not None."""
+    """Format the G-code words X, Y and Z, except those whose value is None."""
     return [
         letter + format_number(value)
         for letter, value in zip((b"X", b"Y", b"Z"), values, strict=True)
@@ -283,9 +283,9 @@ def _format_axis_words(values: Iterable[float | None]) -> list[bytes]:
 
 
 def _list_moves(old: ModalState, new: ModalState, is_travel_next: bool) -> list[bytes]:
-    """Return the moves to the height after the object, and to its position unless the file travels there next.
+    """Return the moves to the height and position after a cancelled object.
 
-    A move up comes first, a move down comes last.
+    No move to the position is needed if the file travels next. A move up comes first, a move down last.
     """
     moves: list[bytes] = []
     rise = (new.z or 0.0) - (old.z or 0.0)
@@ -300,7 +300,7 @@ def _list_moves(old: ModalState, new: ModalState, is_travel_next: bool) -> list[
 def _restore_modes(
     now: MachineState, new: ModalState, emit: Callable[[bytes], None], emit_in_mm: Callable[[bytes], None]
 ) -> None:
-    """Restore the modes and the unit that the file has after the object."""
+    """Set the modes and the unit that the file uses after a cancelled object."""
     if new.speed and abs(new.speed - now.speed) > _TOLERANCE:
         emit_in_mm(b"G1 F%s" % format_number(new.speed * 60))
     if now.counting.has_relative_axes != new.relative:

@@ -1,4 +1,4 @@
-"""G-code that parks the nozzle at a pause, and G-code that returns it to the same position.
+"""Build the G-code that parks the nozzle at a pause, and the G-code that returns it to the part.
 
 pause    retract - lift over everything printed - move off the part (- cool down)
 resume   (heat - purge old filament) - move over the position - lower - deretract - restore E, modes and speed
@@ -13,7 +13,7 @@ from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.commands import Pause
 from printer_slicer.printing.host_settings import HostSettings
-from printer_slicer.printing.journal import struct_from_json
+from printer_slicer.printing.journal import restore_struct
 from printer_slicer.printing.machine_state import PrintState, format_number
 from printer_slicer.values import Struct, as_dict, field
 
@@ -33,7 +33,7 @@ _TOLERANCE = 0.001  # mm
 
 
 class ParkedState(Struct, frozen=True):
-    """State of a parked print: the position to return to, and how.
+    """State of a parked print: where the nozzle returns to, and at which temperatures.
 
     Attributes:
         entries: number of job entries that had a line number at the pause.
@@ -62,18 +62,18 @@ class ParkedState(Struct, frozen=True):
 
 
 def parse_parked_state(values: Mapping[str, Any]) -> ParkedState:
-    """Rebuild a parked state from the result of `as_json`.
+    """Restore a parked state from the JSON object that `ParkedState.as_json` has returned.
 
     Raises:
         TypeError: a value has the wrong type.
     """
-    return struct_from_json(ParkedState, values)
+    return restore_struct(ParkedState, values)
 
 
 def make_parked_state(
     modal: ModalState, print_state: PrintState, setup: HostSettings, pause: Pause, entries: int
 ) -> ParkedState:
-    """Build the parked state for a pause at this moment.
+    """Return the parked state of a print that pauses now.
 
     Args:
         modal: machine state to return to.
@@ -116,14 +116,14 @@ def find_parking_position(setup: HostSettings, print_state: PrintState) -> tuple
     if box is None:
         return corners[0]
 
-    def distance(corner: tuple[float, float]) -> float:
-        """Return the distance of a corner from the bounding box, mm; negative inside the box."""
+    def measure_distance(corner: tuple[float, float]) -> float:
+        """Return how far a corner is from the bounding box of the part, mm; negative inside the box."""
         beside = [box[axis] - corner[axis] for axis in (0, 1)] + [
             corner[axis] - box[axis + 2] for axis in (0, 1)
         ]
         return max(beside)
 
-    return max(corners, key=distance)
+    return max(corners, key=measure_distance)
 
 
 def build_parking_script(parked: ParkedState, print_state: PrintState, setup: HostSettings) -> list[bytes]:
@@ -178,7 +178,7 @@ def build_return_script(
 
 
 def build_restore_script(modal: ModalState) -> list[bytes]:
-    """Return the commands that restore E, modes, speed and unit on a printer in mm mode."""
+    """Return the commands that restore E, modes, speed and unit on a printer that is set to mm."""
     script = [
         b"G92 E%s" % format_number(modal.e),
         b"G91" if modal.relative else b"G90",
@@ -189,7 +189,7 @@ def build_restore_script(modal: ModalState) -> list[bytes]:
 
 
 def sum_extrusion(commands: Sequence[bytes]) -> float:
-    """Return the length of filament that commands with relative E extrude, mm."""
+    """Return the length of filament that G1 commands with relative E extrude, mm."""
     moved = 0.0
     for command in commands:
         word, values = parse(command)
@@ -199,7 +199,7 @@ def sum_extrusion(commands: Sequence[bytes]) -> float:
 
 
 def build_end_script(print_state: PrintState, setup: HostSettings, spot: tuple[float, float]) -> list[bytes]:
-    """Return the end script of a cancelled print: switch heaters and fan off, leave the part, switch motors off."""
+    """Return the end script of a cancelled print: heaters and fan off, move off the part, motors off."""
     script = [b"M104 S0", b"M140 S0", b"M107"]
     if print_state.machine.chamber:
         script.append(b"M141 S0")

@@ -27,44 +27,44 @@ _START_DELAY: Final = 0.1
 def find_stop_position(
     steps: Sequence[Step],
     accepted: Sequence[tuple[int, float]],
-    lost: float | None,
+    lost_at: float | None,
     limits: MotionLimits,
     *,
-    noticed: float | None = None,
+    noticed_at: float | None = None,
 ) -> tuple[int, float]:
-    """Find the move during which the printer stopped, and the share of its time that had passed.
+    """Find the move during which the printer stopped, and the fraction of the move's time that had passed.
 
     Args:
         steps: the last accepted moves, in order, since the machine last stood still.
         accepted: (number of accepted job entries, time in s), ascending.
-        lost: time at which the printer lost its power, s; None: after it had finished all planned moves.
+        lost_at: time at which the printer lost its power, s; None: after it had finished all planned moves.
         limits: limits of the machine.
-        noticed: time at which the host noticed the restart, s. With a full planner, the printer acknowledges a line at
-            the end of each move, so it stopped between the last acknowledgement and this time.
+        noticed_at: time at which the host noticed the restart, s. With a full planner, the printer acknowledges a line
+            at the end of each move, so it stopped between the last acknowledgement and this time.
 
     Returns:
-        Index of the move, and the share; it is 1 at the end of a move.
+        Index of the move, and the fraction, which is 1 at the end of the move.
     """
     moves = [
         (index, block) for index, step in enumerate(steps) if (block := _make_block(step, limits)) is not None
     ]
-    if lost is None or not moves:
+    if lost_at is None or not moves:
         return len(steps) - 1, 1.0
     times = _find_acceptance_times([steps[index] for index, _ in moves], accepted)
     blocks = [block for _, block in moves]
-    number, share = _find_running_block(blocks, times, lost, limits)
+    number, fraction = _find_running_block(blocks, times, lost_at, limits)
     last = len(blocks) - max(limits.planner_blocks - 1, 1)
-    if noticed is not None and number <= last:
-        number, share = min(_find_running_block(blocks, times, noticed, limits), (last, 1.0))
+    if noticed_at is not None and number <= last:
+        number, fraction = min(_find_running_block(blocks, times, noticed_at, limits), (last, 1.0))
     if number == len(moves):
         return len(steps) - 1, 1.0
-    return moves[number][0], share
+    return moves[number][0], fraction
 
 
 def _find_running_block(
-    blocks: Sequence[Block], times: Sequence[float], lost: float, limits: MotionLimits
+    blocks: Sequence[Block], times: Sequence[float], lost_at: float, limits: MotionLimits
 ) -> tuple[int, float]:
-    """Return the index of the block that runs at time `lost`, and the share of its time that had passed.
+    """Return the index of the block that runs at `lost_at`, and the fraction of its time that had passed.
 
     The index is the number of blocks if all have ended.
     """
@@ -82,21 +82,21 @@ def _find_running_block(
         seconds = lookahead.pop()
         if index < first:
             continue
-        if began + seconds > lost:
-            return index, max(lost - began, 0.0) / seconds
+        if began + seconds > lost_at:
+            return index, max(lost_at - began, 0.0) / seconds
         began += seconds
     return len(blocks), 1.0
 
 
 def _make_block(step: Step, limits: MotionLimits) -> Block | None:
-    """Return the planner block of a move, None if it has no length; an arc is treated as a straight line."""
+    """Return the planner block of a move, None if the move has no length; an arc counts as straight."""
     x0, y0, z0 = step.before.place
     x1, y1, z1 = step.after.place
     return make_block(limits, (x1 - x0, y1 - y0, z1 - z0, step.after.e - step.before.e), step.after.speed)
 
 
 def _find_acceptance_times(steps: Sequence[Step], accepted: Sequence[tuple[int, float]]) -> list[float]:
-    """Return the time at which each move was accepted, s; a move not from the job gets the time of the previous one."""
+    """Return when each move was accepted, s; a move from outside the job gets the time of the move before."""
     times: list[float] = []
     for step in steps:
         at = bisect_left(accepted, step.entry + 1, key=lambda one: one[0])

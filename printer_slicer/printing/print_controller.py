@@ -1,4 +1,4 @@
-"""Control a print on top of the streamer: pauses, commands of users, prompts of the printer, temperatures.
+"""Control a print that a streamer sends: pauses, user commands, prompts of the printer, temperatures.
 
 Like the streamer, it has no I/O, clock or thread; `session.run` calls `advance`, `record` and `on_event`.
 """
@@ -17,12 +17,12 @@ from printer_slicer.gcode.commands import Effect, commands_that
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing import commands
-from printer_slicer.printing.command_gcode import GCODE_COMMANDS, gcode_for
+from printer_slicer.printing.command_gcode import GCODE_COMMANDS, format_command
 from printer_slicer.printing.commands import PrintCommand
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import Journal
 from printer_slicer.printing.machine_state import SCRIPT_ENTRY
-from printer_slicer.printing.move_geometry import find_nearest_move, remaining_move, state_at
+from printer_slicer.printing.move_geometry import build_remaining_move, find_nearest_move, interpolate_state
 from printer_slicer.printing.objects import LiveJob
 from printer_slicer.printing.parking import (
     ParkedState,
@@ -59,12 +59,12 @@ class PrintController:
         job: the entries as they are sent.
         setup: settings of the printer.
         journal: journal for a later resume; None: no journal.
-        listen: called with the events of the streamer and of the controller.
+        listen: called with each event of the streamer and of the controller.
         allow: returns why a command typed by a user is rejected, empty if it is allowed.
 
     Attributes:
         phase: current phase of the print.
-        parked: state to return to; None while the print is running.
+        parked: state to which the nozzle returns; None while the print is running.
         prompts: prompts of the printer.
         temperatures: last reported temperatures.
         watchdog: heater watchdog.
@@ -108,7 +108,7 @@ class PrintController:
         self._handlers = self._command_handlers()
 
     def _command_handlers(self) -> dict[type, Callable[[Any], str]]:
-        """Return the handler of each kind of command."""
+        """Return the handler method for each kind of command."""
         return {
             **dict.fromkeys(GCODE_COMMANDS, self._on_gcode_command),
             commands.Pause: self._on_pause,
@@ -121,7 +121,7 @@ class PrintController:
         }
 
     def status(self) -> dict[str, Any]:
-        """Return the status for JSON."""
+        """Return the status of the print as a JSON object."""
         status = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
         status |= {"done": self._streamer.acknowledged, "total": len(self._job)}
         return status | self.temperatures.as_json() | self._job.as_json() | self.prompts.as_json()
@@ -136,7 +136,7 @@ class PrintController:
         """Execute requests and continue the current phase."""
         self._now = now
         if self._restore is not None and self._streamer.state is State.STREAMING:
-            self._apply_restore()
+            self._continue_restored_print()
         while self._requests:
             request = self._requests.popleft()
             try:
@@ -171,11 +171,11 @@ class PrintController:
                     journal.record_accepted(
                         self._streamer.accepted_line_number, event.acknowledged, self._now
                     )
-        if journal and journal.failed and not self._warned:
+        if journal and journal.failure and not self._warned:
             self._warned = True
             self._listen(
                 stream_events.StreamWarning(
-                    f"the journal cannot be written ({journal.failed}): the print continues, but it cannot be resumed"
+                    f"the journal cannot be written ({journal.failure}): the print continues, but it cannot be resumed"
                 )
             )
 
@@ -221,7 +221,7 @@ class PrintController:
         self._listen = lambda _: None
 
     def cancel(self) -> str:
-        """Cancel the job and run the end script."""
+        """Cancel the job and run the end script; return the result for the user."""
         self.end_requests += 1
         if self._streamer.state is State.CANCELLING:
             return "already cancelling"
@@ -239,7 +239,7 @@ class PrintController:
         return "cancelled"
 
     def halt(self) -> str:
-        """Halt the printer with M112."""
+        """Halt the printer at once with M112; return the result for the user."""
         self.end_requests += 1
         self.halted = True
         self._streamer.emergency_stop()
@@ -248,10 +248,10 @@ class PrintController:
     # Pausing.
 
     def _on_pause(self, command: commands.Pause) -> str:
-        """Pause the print; discard the planned moves if requested and possible."""
+        """Pause the print; discard the planned moves if the user wants that and the firmware can do it."""
         if not self._is_printing:
             raise UsageError(
-                f"cannot pause: the print is {self._state}", remedy="Wait, or run `control status`"
+                f"cannot pause: the print is {self._state}", remedy="Run printer-slicer control status"
             )
         self._streamer.pause()
         self._pause = command
@@ -282,25 +282,25 @@ class PrintController:
             self._start_parking(self._make_parked_state(self._job.print_state.modal))
 
     def _on_stop_position(self, position: tuple[float, float, float, float]) -> None:
-        """Park after an immediate stop; keep the moves that were not executed for the resume."""
+        """Park the nozzle after an immediate stop; save the moves that were not executed for the resume."""
         print_state = self._job.follow(self._streamer.n_entries_taken)
         steps = list(print_state.recent)
-        index, share, distance = find_nearest_move(steps, position)
+        index, fraction, distance = find_nearest_move(steps, position)
         if distance > _MAX_PATH_DISTANCE:
             self._listen(
                 stream_events.StreamWarning(f"the printer stopped {distance:.2f} mm away from its path")
             )
-        replay = [remaining_move(steps[index], share)] if share < 1.0 else []
+        replay = [build_remaining_move(steps[index], fraction)] if fraction < 1.0 else []
         replay += [step.command for step in steps[index + 1 :]]
         print_state.recent = deque(steps[: index + 1], print_state.recent.maxlen)
-        here = state_at(steps[index], share)
+        here = interpolate_state(steps[index], fraction)
         print_state.stop_at(here)
         self._start_parking(
             replace(self._make_parked_state(here), replay=tuple(one.decode("latin-1") for one in replay))
         )
 
     def _make_parked_state(self, modal: ModalState) -> ParkedState:
-        """Return the parked state for the current pause, with the machine state to return to."""
+        """Return the parked state for the current pause; the nozzle will return to `modal`."""
         return make_parked_state(
             modal, self._job.print_state, self._setup, self._pause, self._streamer.n_entries_taken
         )
@@ -316,7 +316,7 @@ class PrintController:
         self._change_phase(PrintPhase.PARKING)
 
     def _on_resume(self, _: commands.Resume) -> str:
-        """Resume the print, or make the printer continue if it waits by itself."""
+        """Resume the print; if the printer itself waits for the user, make it continue."""
         if self._waits_for_user and self.phase is PrintPhase.RUNNING:
             self._streamer.send_at_once(b"M108")
             return "told the printer to continue"
@@ -327,12 +327,14 @@ class PrintController:
             self._streamer.resume()
             return "told the printer to continue"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
-            raise UsageError(f"cannot resume: the print is {self._state}", remedy="Run `control status`")
+            raise UsageError(
+                f"cannot resume: the print is {self._state}", remedy="Run printer-slicer control status"
+            )
         self.return_to_part(self._extruded)
         return "resuming"
 
     def return_to_part(self, extruded: float) -> None:
-        """Return to the part and resume.
+        """Return the nozzle to the part, and resume the print.
 
         Args:
             extruded: filament extruded since parking, mm; negative if retracted.
@@ -345,27 +347,27 @@ class PrintController:
         self._send_script(back + [text.encode("latin-1") for text in parked.replay])
         self._change_phase(PrintPhase.RETURNING)
 
-    def restore(
-        self, parked: ParkedState | None, extruded: float, replay: Sequence[str], *, waits: bool
+    def restore_print(
+        self, parked: ParkedState | None, extruded: float, replay: Sequence[str], *, stays_paused: bool
     ) -> None:
-        """Prepare to take over a paused or parking print from a previous host, once the printer is connected.
+        """Prepare to continue a paused or parking print of a previous host, once the printer is connected.
 
         Args:
-            parked: state to return to; None: the printer is already there.
+            parked: state to which the nozzle returns; None: the nozzle is on the part already.
             extruded: filament extruded since parking, mm.
             replay: discarded moves that must still be sent.
-            waits: whether the print stays paused.
+            stays_paused: whether the print stays paused.
         """
-        self._restore = (parked, extruded, tuple(replay), waits)
+        self._restore = (parked, extruded, tuple(replay), stays_paused)
 
-    def _apply_restore(self) -> None:
-        """Continue the print that `restore` has taken over."""
+    def _continue_restored_print(self) -> None:
+        """Continue the print of a previous host, as prepared by `restore_print`."""
         assert self._restore is not None
-        parked, self._extruded, replay, waits = self._restore
+        parked, self._extruded, replay, stays_paused = self._restore
         self._restore = None
         self.parked = parked and replace(parked, replay=replay)
         self._streamer.pause()
-        if parked and waits:
+        if parked and stays_paused:
             self._record_phase(PrintPhase.PARKING)
             self._change_phase(PrintPhase.PAUSED)
         elif parked:
@@ -401,7 +403,7 @@ class PrintController:
     def _on_cancel_object(self, command: commands.CancelObject) -> str:
         """Cancel an object on the plate."""
         job = self._job
-        name = job.cancel(command.name, self._streamer.n_entries_taken)
+        name = job.cancel_object(command.name, self._streamer.n_entries_taken)
         cancel = self._setup.firmware.cancel_object_command
         if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
@@ -413,7 +415,7 @@ class PrintController:
 
     def _on_gcode_command(self, command: Any) -> str:
         """Send the G-code of a command, and remember the value that it sets."""
-        answer = self._inject(gcode_for(command, self._setup.firmware, self._identity))
+        answer = self._inject(format_command(command, self._setup.firmware, self._identity))
         if isinstance(command, commands.Speed):
             self.speed = command.percent
         elif isinstance(command, commands.Flow):
@@ -423,9 +425,9 @@ class PrintController:
         return answer
 
     def _on_answer(self, command: commands.Answer) -> str:
-        """Press a button of the open prompt."""
+        """Press a button of the prompt that the printer shows."""
         if self.prompts.shown is None:
-            raise UsageError("the printer has no open prompt", remedy="Run `control status`")
+            raise UsageError("the printer has no open prompt", remedy="Run printer-slicer control status")
         self._streamer.send_at_once(b"M876 S%d" % command.choice)
         return "answered"
 
@@ -438,7 +440,7 @@ class PrintController:
         if reason := self._allow(command):
             raise UsageError(
                 f"{command.decode(errors='replace')}: {reason}",
-                remedy="Use --allow NAME when you start the print to permit it",
+                remedy="Start the print with --allow NAME to permit this command",
             )
         check_commands([command])
         self._streamer.inject(command)
@@ -559,7 +561,7 @@ class Prompts:
         self._buttons: list[str] = []
 
     def as_json(self) -> dict[str, Any]:
-        """Return the open prompt as part of the status."""
+        """Return the text and buttons of the open prompt, as part of the status."""
         shown = self.shown
         return {"prompt": {"text": shown.text, "buttons": shown.buttons} if shown else None}
 
@@ -579,7 +581,7 @@ class Prompts:
 
 
 class TemperaturePoll:
-    """Temperature readings, and the time of the next temperature query.
+    """Stores the last temperature readings, and schedules the next temperature query.
 
     Attributes:
         readings: last reported temperatures.
@@ -592,20 +594,20 @@ class TemperaturePoll:
         self._reports = False
 
     def as_json(self) -> dict[str, Any]:
-        """Return the temperatures as part of the status."""
+        """Return the last temperature readings, as part of the status."""
         return {"temperatures": {one.name: [one.actual, one.target] for one in self.readings}}
 
     def on_identified(self, identified: Identified, now: float) -> bool:
-        """Process the capabilities; return whether to send `AUTOREPORT_COMMAND`."""
+        """Process the capabilities of the firmware; return whether to send `AUTOREPORT_COMMAND`."""
         self._reports = identified.has_capability("AUTOREPORT_TEMP")
         self.postpone(now)
         return self._reports
 
     def on_report(self, temperature: Temperature, now: float) -> None:
-        """Process a temperature report."""
+        """Store the readings of a temperature report, and postpone the next query."""
         self.readings = temperature.readings
         self.postpone(now)
 
     def postpone(self, now: float) -> None:
-        """Postpone the next query after a report or a query."""
+        """Postpone the next temperature query, because temperatures were just reported or queried."""
         self.next_query_at = inf if self._reports else now + _POLL_INTERVAL

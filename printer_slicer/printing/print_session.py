@@ -22,7 +22,7 @@ from printer_slicer.jobs import Job
 from printer_slicer.printing import commands
 from printer_slicer.printing import job_store as store
 from printer_slicer.printing.controls import Controls, PrintOptions, PrintResult
-from printer_slicer.printing.host_settings import HostSettings, host_settings_from
+from printer_slicer.printing.host_settings import HostSettings, make_host_settings
 from printer_slicer.printing.job_store import Print
 from printer_slicer.printing.journal import HEATERS_OFF, HOST, LOST, Journal, read_journal
 from printer_slicer.printing.objects import LiveJob, find_object_spans
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PrintSession",
-    "forget_checkpoint",
+    "delete_checkpoint",
     "print_job",
     "resume_print",
     "run_heater_failsafe",
@@ -98,11 +98,11 @@ def print_job(
     """
     accept_former_option(cast("dict[str, Any]", options), "shelf", "job_store")
     raise_on_errors(job.findings, job.allowed, name=job.name)
-    setup = host_settings_from(job.require_profile(profile), job.allowed)
+    setup = make_host_settings(job.require_profile(profile), job.allowed)
     speed = baud or setup.baud
     job_store = options.get("job_store")
     if job_store is not None:
-        _reject_unfinished(job_store, port, discard=options.get("discard", False))
+        _reject_unfinished_print(job_store, port, discard=options.get("discard", False))
     transport = open_port(port, speed, dtr=options.get("dtr"))
     print_ = None
     try:
@@ -141,7 +141,7 @@ def resume_print(
     """
     from printer_slicer.printing.recovery import plan_recovery  # noqa: PLC0415 - rarely needed
 
-    _take_over(print_, job)
+    _lock_unfinished_print(print_, job)
     address = store.PortAddress(port or print_.port, print_.baud)
     transport = None
     try:
@@ -153,7 +153,7 @@ def resume_print(
         except PrinterStateLost as lost:
             plan = plan_recovery(print_, job)
             if not recover(f"the printer has lost its state: {lost}.\n{plan.steps}"):
-                message = f"{job.name}: not resumed: {lost}"
+                message = f"{job.name} was not resumed: {lost}"
                 raise PrintError(
                     message, remedy="Use printer-slicer resume --recover to run the recovery steps above"
                 ) from None
@@ -166,11 +166,11 @@ def resume_print(
     return session.print_to_end(transport, found)
 
 
-def _take_over(print_: store.Print, job: Job) -> None:
-    """Lock an unfinished print, and check its journal.
+def _lock_unfinished_print(print_: store.Print, job: Job) -> None:
+    """Lock an unfinished print for this process, and check its journal.
 
     Raises:
-        UsageError: another process is printing it, or its journal is invalid.
+        UsageError: another process is printing it, or its journal is damaged.
     """
     if not print_.lock():
         raise UsageError(f"{print_.name} is already running", remedy="Run printer-slicer control status")
@@ -179,8 +179,8 @@ def _take_over(print_: store.Print, job: Job) -> None:
         raise store.DamagedPrint(print_.folder, "journal", why).make_error()
 
 
-def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
-    """Reject a new print if a print on this port is unfinished; delete that print with `discard`.
+def _reject_unfinished_print(job_store: Path, port: str, *, discard: bool) -> None:
+    """Raise an error if a print on this port is unfinished; with `discard`, delete that print instead.
 
     Raises:
         UsageError: a print on this port is unfinished.
@@ -189,13 +189,13 @@ def _reject_unfinished(job_store: Path, port: str, *, discard: bool) -> None:
         if not discard:
             raise UsageError(
                 f"{left.name}, started {left.begun} on this port, is unfinished",
-                remedy="Run printer-slicer resume to continue it, or print --discard-unfinished to delete it",
+                remedy="Run printer-slicer resume to continue that print, or print --discard-unfinished to delete it",
             )
         left.delete()
 
 
 def _ignore_event(_: Event) -> None:
-    """Ignore an event."""
+    """Ignore an event, if there is no listener."""
 
 
 def _allow_any(_: bytes) -> str:
@@ -256,14 +256,14 @@ class PrintSession:
             ) from error
         finally:
             self._close_port()
-        end = self._finish()
-        forget_checkpoint(self._checkpoint, self._job)
+        end = self._require_completion()
+        delete_checkpoint(self._checkpoint, self._job)
         return PrintResult(
             len(self._job.commands), monotonic() - begun, end.verified, self._meter.statistics()
         )
 
     def reattach(self, transport: SerialPort) -> ResumePlan:
-        """Query the printer, and find out where to resume.
+        """Query a printer that was connected before, and return the plan of the resume.
 
         Raises:
             PrinterStateLost: the printer has not kept its state.
@@ -281,7 +281,7 @@ class PrintSession:
         return found
 
     def _listen(self, event: Event) -> None:
-        """Report an event to the listener; stop calling a listener that fails to write."""
+        """Pass an event to the listener; stop calling a listener whose output is closed."""
         try:
             self._on_event(event)
         except OSError:
@@ -293,14 +293,14 @@ class PrintSession:
         """Stream until the print ends, and reconnect if the connection is lost."""
         while True:
             try:
-                self._stream_over(transport, plan)
+                self._stream_over_connection(transport, plan)
             except PortError as error:
                 transport, plan = self._wait_and_reattach(error)
             else:
                 return
 
-    def _stream_over(self, transport: SerialPort, plan: ResumePlan | None) -> None:
-        """Stream over one connection until the end; if a listener fails, cancel the print and raise its error."""
+    def _stream_over_connection(self, transport: SerialPort, plan: ResumePlan | None) -> None:
+        """Stream over one connection until the end; an error in the listener cancels the print."""
         self._transport = transport
         self._board = find_port_info(self._port) or self._board
         live = plan.job if plan else LiveJob(self._job.commands, self._spans, flavour=self._setup.flavour)
@@ -324,21 +324,21 @@ class PrintSession:
         if plan and plan.phase == "cancelling":
             controller.submit(Request(commands.Cancel()))
         elif plan and (plan.parked or plan.replay):
-            controller.restore(plan.parked, plan.extruded, plan.replay, waits=plan.is_paused)
+            controller.restore_print(plan.parked, plan.extruded, plan.replay, stays_paused=plan.is_paused)
         self._controls.bind(controller, transport.wake)
         try:
-            self._run(controller)
-            self._switch_off(controller)
+            self._run_streamer(controller)
+            self._switch_heaters_off(controller)
         except PortError:
             raise
         except Exception:
             controller.stop_reporting()
             controller.cancel()
-            self._run(controller)
+            self._run_streamer(controller)
             raise
 
-    def _switch_off(self, controller: PrintController) -> None:
-        """Switch the heaters off after an aborted print, if they may be on and no emergency stop was sent."""
+    def _switch_heaters_off(self, controller: PrintController) -> None:
+        """Switch the heaters off after an aborted print, except after an emergency stop."""
         given_up = isinstance(controller.ended, Halted) and not controller.halted and self._guard != 0
         if not given_up or self._transport is None or self._streamer is None:
             return
@@ -350,8 +350,8 @@ class PrintSession:
         with suppress(PortError):
             self._transport.write(words)
 
-    def _run(self, controller: PrintController) -> None:
-        """Run the stream; treat an interrupt as a cancel or, if repeated, as an emergency stop."""
+    def _run_streamer(self, controller: PrintController) -> None:
+        """Run the streamer; Ctrl-C cancels the print, and a second Ctrl-C halts the printer."""
         assert self._streamer is not None
         assert self._transport is not None
         metered = MeteredTransport(self._transport, self._meter, monotonic)
@@ -373,12 +373,12 @@ class PrintSession:
                     record=controller.record,
                 )
             except KeyboardInterrupt:
-                self._interrupt()
+                self._cancel_or_halt()
             else:
                 return
 
     def _wait_and_reattach(self, error: PortError) -> tuple[SerialPort, ResumePlan]:
-        """Wait until the printer is connected again, and reattach to it.
+        """Wait until the printer is connected again; return the port, and the plan of the resume.
 
         Raises:
             PortError: the printer is not connected again in time, or it has lost its state.
@@ -391,7 +391,7 @@ class PrintSession:
             raise error
         reason = str(error).splitlines()[0]
         self._journal.record_end(f"{LOST}{reason}", monotonic())
-        if not self._reconnect or self._journal.failed:
+        if not self._reconnect or self._journal.failure:
             raise error
         self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for the printer to reconnect"))
         transport = self._wait_for_port(error)
@@ -408,7 +408,7 @@ class PrintSession:
         return transport, plan
 
     def _wait_for_port(self, error: PortError) -> SerialPort:
-        """Wait until the port can be opened again; raise `error` if it cannot in time."""
+        """Wait until the port can be opened again; raise `error` if the time is up."""
         give_up = monotonic() + self._reconnect
         while monotonic() < give_up and not self._controls.has_end_request and not self._interrupts:
             self._controls.requested.wait(_PORT_POLL_INTERVAL)
@@ -424,7 +424,7 @@ class PrintSession:
 
     @contextmanager
     def _handle_signals(self) -> Iterator[None]:
-        """Handle signals within a `with` block without being interrupted; only the main thread receives signals."""
+        """Let signals cancel the print within a `with` block; only the main thread receives signals."""
         if current_thread() is not main_thread():
             yield
             return
@@ -440,9 +440,9 @@ class PrintSession:
                 signal.signal(number, handler)
 
     def _on_signal(self, _number: int, _frame: object) -> None:
-        self._interrupt()
+        self._cancel_or_halt()
 
-    def _interrupt(self) -> None:
+    def _cancel_or_halt(self) -> None:
         """Cancel the print on the first signal; halt the printer on the second."""
         self._interrupts += 1
         if self._controller is not None:
@@ -471,8 +471,8 @@ class PrintSession:
         if self._transport is not None:
             self._transport.close()
 
-    def _finish(self) -> Finished:
-        """Return the last event of a completed print; raise an error if the print was not completed."""
+    def _require_completion(self) -> Finished:
+        """Return the last event of the print; raise an error if the print was not completed."""
         controller = self._controller
         assert controller is not None
         end = controller.ended
@@ -508,8 +508,8 @@ class PrintSession:
         return write_checkpoint(self._job, done, self._checkpoint, reason)
 
 
-def forget_checkpoint(checkpoint: Path | None, job: Job) -> None:
-    """Delete the checkpoint of a completed print, also if an earlier attempt wrote it."""
+def delete_checkpoint(checkpoint: Path | None, job: Job) -> None:
+    """Delete the checkpoint file of a completed print, even if an earlier attempt wrote the file."""
     with suppress(OSError, ValueError, TypeError, KeyError):  # a stale checkpoint does no harm
         if checkpoint is not None and json.loads(checkpoint.read_bytes())["job"] == job.name:
             checkpoint.unlink()
@@ -551,7 +551,7 @@ _SYNC_INTERVAL = 1.0
 
 @contextmanager
 def sync_journal(journal: Journal) -> Iterator[None]:
-    """Sync the journal to disk once a second within a `with` block, in a thread that does not delay the stream."""
+    """Sync the journal to disk once a second within a `with` block, in a separate thread."""
     stop = Flag()
 
     def sync_repeatedly() -> None:
@@ -571,19 +571,24 @@ def sync_journal(journal: Journal) -> Iterator[None]:
 @contextmanager
 def serve_controls(print_: Print, controls: Controls) -> Iterator[None]:
     """Let other processes of this user control the print within a `with` block."""
-    from printer_slicer.printing.control_socket import serve_control  # noqa: PLC0415 - sockets are only needed here
+    from printer_slicer.printing.control_socket import serve_control_socket  # noqa: PLC0415 - sockets are only needed here
 
-    with serve_control(print_.folder, controls, print_.name):
+    with serve_control_socket(print_.folder, controls, print_.name):
         yield
 
 
 @contextmanager
 def run_heater_failsafe(print_: Print, seconds: float) -> Iterator[None]:
-    """Run the failsafe process within a `with` block; it waits `seconds` for a resume; 0: no failsafe process."""
+    """Run the heater failsafe process within a `with` block, unless `seconds` is 0.
+
+    Args:
+        print_: the print to watch.
+        seconds: time for a new host to resume the print.
+    """
     if seconds <= 0:
         yield
         return
-    from printer_slicer.printing.heater_failsafe import failsafe_process  # noqa: PLC0415 - another process is only needed here
+    from printer_slicer.printing.heater_failsafe import run_failsafe_process  # noqa: PLC0415 - another process is only needed here
 
-    with failsafe_process(print_.folder, seconds):
+    with run_failsafe_process(print_.folder, seconds):
         yield

@@ -12,7 +12,7 @@ from typing import Any, Final
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.host_settings import HostSettings
-from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, struct_from_json
+from printer_slicer.printing.journal import HEATERS_OFF, Journal, JournalData, restore_struct
 from printer_slicer.printing.machine_state import SCRIPT_ENTRY, PrintState
 from printer_slicer.printing.objects import LiveJob, Span
 from printer_slicer.printing.parking import ParkedState, build_return_script, parse_parked_state
@@ -43,13 +43,13 @@ class PrinterStateLost(Exception):  # noqa: N818 - a state of the printer, not a
 
 
 class ResumePlan(Struct, frozen=True):
-    """Plan of a resume: where and how to continue the print.
+    """Plan of a resume: where and how to continue an unfinished print.
 
     Attributes:
         entries: number of job entries that the printer has accepted.
         job: the job entries, with the print state after these entries.
         phase: phase of the print: "printing", "parking", "returning", "cancelling"...
-        parked: state to return to, None if the nozzle is on the part.
+        parked: state to which the nozzle returns, None if the nozzle is on the part.
         extruded: filament extruded since parking, mm.
         replay: commands to send before the rest of the job, such as discarded moves.
         point: recovery point as stored in the journal, if the printer has lost its state.
@@ -82,7 +82,7 @@ class _JournalStates(Struct, frozen=True):
 
 
 def find_journal_damage(journal_data: JournalData, total: int) -> str:
-    """Return why the print cannot be resumed from its journal; empty if it can.
+    """Return why a print cannot be resumed from its journal; empty if the journal is valid.
 
     Args:
         journal_data: the journal.
@@ -92,20 +92,20 @@ def find_journal_damage(journal_data: JournalData, total: int) -> str:
         return journal_data.damage
     most = max([journal_data.base, journal_data.entries, *(record.entries for record in journal_data.lines)])
     if most > total:
-        return f"it lists {most} accepted commands, but the job has {total}"
+        return f"the journal lists {most} accepted commands, but the job has {total}"
     try:
-        states = struct_from_json(
+        states = restore_struct(
             _JournalStates, {name: one for name, one in journal_data.states.items() if one not in ({}, "")}
         )
         if not all(isinstance(at, int) and 0 <= at <= total for at in states.cancelled_at.values()):
             return "a cancelled object has an invalid command number"
         places: list[ParkedState | _RecoveryPosition] = [states.parked] if states.parked else []
         if states.recovering_at is not None:
-            places.append(struct_from_json(_RecoveryPosition, states.recovering_at))
+            places.append(restore_struct(_RecoveryPosition, states.recovering_at))
     except TypeError as error:
         return f"a recorded state is invalid: {error}"
     beyond = [place.entries for place in places if not 0 <= place.entries <= total]
-    return f"it resumes after {beyond[0]} commands, but the job has {total}" if beyond else ""
+    return f"the journal resumes after {beyond[0]} commands, but the job has {total}" if beyond else ""
 
 
 class _RecoveryPosition(Struct, frozen=True):
@@ -136,7 +136,7 @@ def query_printer(
         if resync.line is not None and not is_recorded and journal is not None:
             is_recorded = True
             for number, query in resync.queries():
-                journal.record_line(number, journal_data.entries_at(resync.line), query)
+                journal.record_line(number, journal_data.count_entries_until(resync.line), query)
         if data := resync.send(clock()):
             transport.write(data)
         due = resync.wakeup()
@@ -151,18 +151,18 @@ def find_resume_plan(
     spans: tuple[Span, ...],
     setup: HostSettings,
 ) -> ResumePlan:
-    """Return the plan of a resume that follows from the journal and the answers of the printer.
+    """Derive the plan of a resume from the journal and the answers of the printer.
 
     Raises:
         PrinterStateLost: the printer has not kept its state.
     """
     line = resync.line
     if journal_data.states.get("phase") == "recovering":
-        raise PrinterStateLost("a recovery was interrupted")
+        raise PrinterStateLost("an earlier recovery was interrupted")
     if off := journal_data.states.get(HEATERS_OFF):
-        raise PrinterStateLost(f"its heaters were switched off ({off})")
+        raise PrinterStateLost(f"the heaters were switched off ({off})")
     if resync.reason or line is None:
-        raise PrinterStateLost(resync.reason or "it does not report its last line")
+        raise PrinterStateLost(resync.reason or "the printer does not report its last line")
     entries = _count_entries(journal_data, line)
     job = rebuild_job(journal_data, line, commands, spans, setup.flavour)
     job.follow(entries)
@@ -175,7 +175,7 @@ def find_resume_plan(
 
 
 def _count_entries(journal_data: JournalData, line: int) -> int:
-    """Return the number of accepted job entries if line `line` was the last accepted line.
+    """Return how many job entries are accepted if `line` is the last accepted line.
 
     Raises:
         PrinterStateLost: the line does not fit the journal.
@@ -184,8 +184,8 @@ def _count_entries(journal_data: JournalData, line: int) -> int:
         # Numbering has just restarted, or was about to restart: no job entry was sent since.
         return journal_data.base
     if line < 1 or not journal_data.line - _MAX_LINES_BEHIND <= line <= journal_data.line + _MAX_LINES_BEYOND:
-        raise PrinterStateLost(f"its last accepted line is {line}, not {journal_data.line}")
-    return journal_data.entries_at(line)
+        raise PrinterStateLost(f"the last accepted line is {line}, not {journal_data.line}")
+    return journal_data.count_entries_until(line)
 
 
 def rebuild_job(
@@ -197,11 +197,11 @@ def rebuild_job(
     changes = [(at, 0, name) for at, name in cancelled]
     changes += [
         (entries, 1, command.decode("latin-1"))
-        for entries, command in journal_data.inserted_commands_until(line)
+        for entries, command in journal_data.list_inserted_commands_until(line)
     ]
     for entries, kind, text in sorted(changes, key=lambda one: one[:2]):
         if kind == 0:
-            job.cancel(text, entries)
+            job.cancel_object(text, entries)
         else:
             job.follow(entries)
             job.print_state.follow(
@@ -253,11 +253,11 @@ def _check_position(print_state: PrintState, reported: AxisPositions | None) -> 
     """Check that the reported end of the planned motion agrees with the commands.
 
     Raises:
-        PrinterStateLost: it does not.
+        PrinterStateLost: the positions differ.
     """
     modal = print_state.modal
     if reported is None or modal.inches:  # firmwares report inches differently
         return
-    for name, is_value, expected in zip("xyz", reported, (modal.x, modal.y, modal.z), strict=True):
-        if is_value is not None and expected is not None and abs(is_value - expected) > _POSITION_TOLERANCE:
-            raise PrinterStateLost(f"its {name} is {is_value:g} mm instead of {expected:g} mm")
+    for name, actual, expected in zip("xyz", reported, (modal.x, modal.y, modal.z), strict=True):
+        if actual is not None and expected is not None and abs(actual - expected) > _POSITION_TOLERANCE:
+            raise PrinterStateLost(f"{name} of the nozzle is {actual:g} mm instead of {expected:g} mm")

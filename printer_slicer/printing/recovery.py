@@ -13,9 +13,9 @@ from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import Job
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.job_store import Print
-from printer_slicer.printing.journal import LOST, JournalData, read_journal, struct_from_json
+from printer_slicer.printing.journal import LOST, JournalData, read_journal, restore_struct
 from printer_slicer.printing.machine_state import PrintState, format_number
-from printer_slicer.printing.move_geometry import remaining_move, state_at
+from printer_slicer.printing.move_geometry import build_remaining_move, interpolate_state
 from printer_slicer.printing.objects import LiveJob, find_object_spans
 from printer_slicer.printing.parking import (
     ParkedState,
@@ -43,7 +43,7 @@ _REMEDY: Final = "Start again with printer-slicer print --discard-unfinished"
 
 
 class RecoveryPoint(Struct, frozen=True):
-    """Point at which a print resumes.
+    """Point at which a print resumes after the printer has lost its state.
 
     Attributes:
         entries: number of job entries that are not sent again.
@@ -62,7 +62,7 @@ class RecoveryPoint(Struct, frozen=True):
 
 
 class RecoveryPlan(ResumePlan, Struct, frozen=True):
-    """Plan of a recovery, see `ResumePlan`.
+    """Resume plan for a printer that has lost its state, with a description of the steps.
 
     Attributes:
         steps: description of the steps for the user.
@@ -78,14 +78,14 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
         PrintError: recovery is impossible: nothing was printed, or the position of the nozzle is unknown.
     """
     journal_data = read_journal(print_.folder)
-    lost = _find_loss_time(journal_data, is_same_boot=print_.is_same_boot)
+    lost_at = _find_loss_time(journal_data, is_same_boot=print_.is_same_boot)
     live = rebuild_job(
         journal_data, journal_data.line, job.commands, find_object_spans(job.text), print_.setup.flavour
     )
-    point = find_recovery_point(journal_data, live, lost, print_.setup)
+    point = find_recovery_point(journal_data, live, lost_at, print_.setup)
     print_state = live.print_state
     if None in print_state.machine.offset[:2]:
-        raise PrintError(f"{job.name}: the origin set by its G92 is unknown", remedy=_REMEDY)
+        raise PrintError(f"{job.name}: the origin that its G92 commands set is unknown", remedy=_REMEDY)
     if not point.stand.known or print_state.bounding_box is None:
         raise PrintError(f"{job.name}: nothing has been printed yet", remedy=_REMEDY)
     script = build_recovery_script(job, point, print_state, print_.setup)
@@ -93,7 +93,7 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
     rest = LiveJob(job.commands, find_object_spans(job.text), point.entries)
     rest.print_state, rest.followed = print_state, point.entries
     for name in live.cancelled:
-        rest.cancel(name, point.entries)
+        rest.cancel_object(name, point.entries)
     return RecoveryPlan(
         point.entries,
         rest,
@@ -107,7 +107,7 @@ def plan_recovery(print_: Print, job: Job) -> RecoveryPlan:
 
 
 def _describe_steps(job: Job, point: RecoveryPoint, print_state: PrintState, setup: HostSettings) -> str:
-    """Describe the steps of `build_recovery_script`."""
+    """Describe the steps of `build_recovery_script` for the user."""
     machine, (x, y, z) = print_state.machine, point.stand.place
     steps = (
         [f"warm the nozzle to {min(_SOFTENING_TEMPERATURE, machine.hotend):g} °C"] if machine.hotend else []
@@ -127,7 +127,7 @@ def _describe_steps(job: Job, point: RecoveryPoint, print_state: PrintState, set
 
 
 def _find_loss_time(journal_data: JournalData, *, is_same_boot: bool) -> float | None:
-    """Return the time at which the printer lost its state, s; None if it had finished all planned moves by then."""
+    """Return when the printer lost its state, s; None if it had finished all planned moves before."""
     if journal_data.stopped is not None and journal_data.reason.startswith(LOST):
         return journal_data.stopped
     if journal_data.stopped is None and is_same_boot:
@@ -137,20 +137,20 @@ def _find_loss_time(journal_data: JournalData, *, is_same_boot: bool) -> float |
 
 
 def find_recovery_point(
-    journal_data: JournalData, job: LiveJob, lost: float | None, setup: HostSettings
+    journal_data: JournalData, job: LiveJob, lost_at: float | None, setup: HostSettings
 ) -> RecoveryPoint:
-    """Find the point at which the printer lost its state, with the rest of the interrupted moves.
+    """Find the point at which the printer lost its state, and the rest of the interrupted moves.
 
     Args:
         journal_data: the journal.
         job: the job entries as they were sent; its print state is advanced to the last accepted entry.
-        lost: time at which the printer lost its state, s; None: after it had finished all planned moves.
+        lost_at: time at which the printer lost its state, s; None: after it had finished all planned moves.
         setup: settings of the printer.
     """
     if values := journal_data.states.get("recovering_at"):
         replay = tuple(text.encode("latin-1") for text in values["replay"])
         job.follow(int(values["entries"]))
-        return RecoveryPoint(int(values["entries"]), struct_from_json(ModalState, values["stand"]), replay)
+        return RecoveryPoint(int(values["entries"]), restore_struct(ModalState, values["stand"]), replay)
     if values := journal_data.states.get("parked"):
         job.follow(journal_data.entries)
         parked: ParkedState = parse_parked_state(values)
@@ -163,11 +163,13 @@ def find_recovery_point(
     steps = [step for step in print_state.recent if step.entry < journal_data.entries]
     if not steps:
         return RecoveryPoint(journal_data.entries, print_state.modal)
-    noticed = journal_data.stopped if journal_data.reason.startswith(RESET_REASON) else None
-    index, share = find_stop_position(steps, journal_data.accepted, lost, setup.limits, noticed=noticed)
+    noticed_at = journal_data.stopped if journal_data.reason.startswith(RESET_REASON) else None
+    index, fraction = find_stop_position(
+        steps, journal_data.accepted, lost_at, setup.limits, noticed_at=noticed_at
+    )
     step = steps[index]
-    stand = state_at(step, share)
-    rest = [remaining_move(step, share)] if share < 1.0 else []
+    stand = interpolate_state(step, fraction)
+    rest = [build_remaining_move(step, fraction)] if fraction < 1.0 else []
     for later in steps[index + 1 :]:
         if later.entry >= 0:
             entries = later.entry
@@ -181,7 +183,7 @@ def find_recovery_point(
 def build_recovery_script(
     job: Job, point: RecoveryPoint, print_state: PrintState, setup: HostSettings
 ) -> list[bytes]:
-    """Return the commands to send before the rest of the job."""
+    """Return the commands that recover the printer, to be sent before the rest of the job."""
     x, y, z = point.stand.place
     machine = print_state.machine
     highest = z if print_state.highest_z is None else max(print_state.highest_z, z)

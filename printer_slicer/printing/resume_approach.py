@@ -1,4 +1,4 @@
-"""Approach to an unfinished part: move down beside the part, then cross as little of it as possible."""
+"""Find where the nozzle moves down beside an unfinished part, to cross as little of the part as possible."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def sample_extrusions(job: Job, entries: int, setup: HostSettings) -> Float:
     pieces = np.maximum(np.ceil(np.hypot(deltas[:, 0], deltas[:, 1]) / _SAMPLE_DISTANCE), 1).astype(int)
     which = np.repeat(np.arange(len(pieces)), pieces)
     step = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    share = ((step + 0.5) / pieces[which])[:, None]
-    points: Float = ends[which] - deltas[which] * share
+    fraction = ((step + 0.5) / pieces[which])[:, None]
+    points: Float = ends[which] - deltas[which] * fraction
     return points
 
 

@@ -12,7 +12,7 @@ import pytest
 from printer_slicer.inspection.dry_run.machines import machine_of
 from printer_slicer.motion.rules import Axes
 from printer_slicer.printing import commands
-from printer_slicer.printing.host_settings import HostSettings, host_settings_from
+from printer_slicer.printing.host_settings import HostSettings, make_host_settings
 from printer_slicer.printing.journal import Journal
 from printer_slicer.printing.objects import LiveJob, find_object_spans
 from printer_slicer.printing.print_controller import PrintController, Request
@@ -29,7 +29,7 @@ from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.session import run
 
 PROFILE = load_profile("marlin_220", "pla", "standard")
-SETUP = host_settings_from(PROFILE)
+SETUP = make_host_settings(PROFILE)
 OWN = ("M105", "M110", "M114", "M115", "M155", "M400")
 Piece = tuple[Axes, Axes]
 Point = tuple[float, float, float]
@@ -166,7 +166,9 @@ class Rig:
         if self.journal:
             self.journal.record_restart(self.streamer.acknowledged)
         if found and (found.parked or found.replay):
-            self.controller.restore(found.parked, found.extruded, found.replay, waits=found.is_paused)
+            self.controller.restore_print(
+                found.parked, found.extruded, found.replay, stays_paused=found.is_paused
+            )
         return self.controller
 
     on_event: Callable[[Event], None] = lambda _: None

@@ -14,7 +14,7 @@ from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.inspection.lint.scan import lint_text
 from printer_slicer.printing import job_store as store
 from printer_slicer.printing import print_job, resume_print
-from printer_slicer.printing.host_settings import host_settings_from
+from printer_slicer.printing.host_settings import make_host_settings
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.rfc2217 import Rfc2217Server
 from tests.waiting import LAST_RESORT
@@ -68,7 +68,7 @@ def printed(url: str, _job_store: Path, dtr: bool) -> None:
 
 def resumed(url: str, job_store: Path, dtr: bool) -> None:
     store.create_print(
-        job_store, JOB.name, JOB.text, store.PortAddress(url, 115200), host_settings_from(PROFILE)
+        job_store, JOB.name, JOB.text, store.PortAddress(url, 115200), make_host_settings(PROFILE)
     ).release()
     resume_print(store.find_print(job_store, "", running=False), JOB, dtr=dtr)
 

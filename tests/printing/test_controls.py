@@ -74,13 +74,13 @@ def test_a_print_that_is_busy_is_not_waited_for() -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sockets have no names there")
 def test_a_process_that_stands_still_is_named(tmp_path: Path) -> None:
-    with pytest.raises(PortError, match="does not answer yet: it is waiting for its port"):
+    with pytest.raises(PortError, match="does not respond yet: it is waiting for the serial port"):
         send_control_command(tmp_path, "status")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(tmp_path / "s"))
         listener.listen()
         (tmp_path / "control.json").write_text(json.dumps({"path": str(tmp_path / "s")}), encoding="utf-8")
-        with pytest.raises(PortError, match=r"does not answer within 0\.01 s: its process is stopped"):
+        with pytest.raises(PortError, match=r"does not respond in 0\.01 s: it is stopped"):
             send_control_command(tmp_path, "status", timeout=0.01)
 
 

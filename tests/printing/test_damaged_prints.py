@@ -19,23 +19,23 @@ from printer_slicer.errors import UsageError
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.jobs import build_job
 from printer_slicer.printing import resume_print
-from printer_slicer.printing.host_settings import HostSettings, host_settings_from
+from printer_slicer.printing.host_settings import HostSettings, make_host_settings
 from printer_slicer.printing.job_store import (
     PortAddress,
     Print,
     create_print,
-    damaged_prints,
+    find_damaged_prints,
     find_print,
     find_unfinished_print,
-    stored_prints,
+    load_stored_prints,
 )
-from printer_slicer.printing.journal import Journal, read_journal, struct_from_json
+from printer_slicer.printing.journal import Journal, read_journal, restore_struct
 from printer_slicer.printing.parking import ParkedState, parse_parked_state
 from printer_slicer.printing.reattach import find_journal_damage
 from printer_slicer.profile import load_profile
 from tests.cli.command_line import typed
 
-SETUP = host_settings_from(load_profile("marlin_220"))
+SETUP = make_host_settings(load_profile("marlin_220"))
 TEXT = b"G28\nG1 X5 F600\nG1 X6\n"
 PARKED = ParkedState(2, ModalState(1.0, 2.0, 0.2), park=True, replay=("G1 X5",))
 BROUGHT = {"entries": 2, "stand": asdict(PARKED.stand), "replay": []}
@@ -92,7 +92,7 @@ def test_a_record_that_makes_no_sense_is_named_and_blocks_no_other_print(
 ) -> None:
     job_store, good, bad = job_store_in(tmp_path)
     add(bad, record)
-    (damage,) = damaged_prints(job_store)
+    (damage,) = find_damaged_prints(job_store)
 
     assert find_print(job_store, "", running=False).folder == good.folder
     assert str(damage).startswith(f"{bad.folder / 'journal'}: record 4 is invalid: ")
@@ -136,13 +136,13 @@ def test_a_file_that_is_none_is_named_and_blocks_no_other_print(
 ) -> None:
     job_store, good, bad = job_store_in(tmp_path)
     spoil(bad.folder / file)
-    (damage,) = damaged_prints(job_store)
+    (damage,) = find_damaged_prints(job_store)
 
     assert str(damage).startswith(str(bad.folder / file))
     assert find_print(job_store, "", running=False).folder == good.folder
     assert find_unfinished_print(job_store, "/dev/null") is not None
     damage.delete()
-    assert [one.folder for one in stored_prints(job_store)] == [good.folder]
+    assert [one.folder for one in load_stored_prints(job_store)] == [good.folder]
 
 
 @pytest.mark.parametrize("port", ["a\0b", "\ud800"])
@@ -153,7 +153,7 @@ def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Pa
 
     assert find_unfinished_print(job_store, "/dev/elsewhere") is None
     assert find_print(job_store, "", running=False).folder == good.folder
-    assert "'port'" in str(next(damaged_prints(job_store)))
+    assert "'port'" in str(next(find_damaged_prints(job_store)))
 
 
 @given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
@@ -164,11 +164,11 @@ def test_a_head_of_anything_blocks_no_other_print(
     path = bad.folder / "head.json"
     head = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")
-    damaged = list(damaged_prints(job_store))
+    damaged = list(find_damaged_prints(job_store))
 
     assert find_print(job_store, good.folder.name, running=False).folder == good.folder
     assert [damage.folder for damage in damaged] in ([], [bad.folder])
-    for one in stored_prints(job_store):
+    for one in load_stored_prints(job_store):
         if one.folder not in {damage.folder for damage in damaged}:
             assert one.setup.flavour
             assert one.name + one.port + one.begun
@@ -178,15 +178,15 @@ def test_a_head_of_anything_blocks_no_other_print(
 def test_kept_values_come_back_as_they_were_or_are_refused(path: list[int], value: Any) -> None:
     for kept, kind in ((SETUP, HostSettings), (PARKED, ParkedState)):
         values = as_kept(kept)
-        assert as_kept(struct_from_json(kind, values)) == values
+        assert as_kept(restore_struct(kind, values)) == values
         place = values
         for step in path[:-1]:
             inner = [one for one in place.values() if isinstance(one, dict) and one]
             place = inner[step % len(inner)] if inner else place
         place[list(place)[path[-1] % len(place)]] = value
         with contextlib.suppress(TypeError):
-            again = as_kept(struct_from_json(kind, values))
-            assert as_kept(struct_from_json(kind, again)) == again
+            again = as_kept(restore_struct(kind, values))
+            assert as_kept(restore_struct(kind, again)) == again
 
 
 def as_kept(value: Any) -> Any:
@@ -228,16 +228,17 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
 
     assert find_journal_damage(read_journal(good.folder), 3) == ""
     assert (
-        find_journal_damage(read_journal(bad.folder), 3) == "it lists 4 accepted commands, but the job has 3"
+        find_journal_damage(read_journal(bad.folder), 3)
+        == "the journal lists 4 accepted commands, but the job has 3"
     )
 
 
 @pytest.mark.parametrize(
     ("record", "told"),
     [
-        (b"A 9 4 11.0", "it lists 4 accepted commands, but the job has 3"),
-        (b"E 4", "it lists 4 accepted commands, but the job has 3"),
-        (b"N 9 4 M105", "it lists 4 accepted commands, but the job has 3"),
+        (b"A 9 4 11.0", "the journal lists 4 accepted commands, but the job has 3"),
+        (b"E 4", "the journal lists 4 accepted commands, but the job has 3"),
+        (b"N 9 4 M105", "the journal lists 4 accepted commands, but the job has 3"),
         (b'S {"parked": 5}', "a recorded state is invalid: parked: Expected `object | null`, got `int`"),
         (b'S {"phase": ["recovering"]}', "a recorded state is invalid: phase: "),
         (b'S {"cancelled_at": {"gear": 1000000}}', "a cancelled object has an invalid command number"),
@@ -247,13 +248,16 @@ def test_more_commands_than_the_job_has_cannot_have_been_accepted(tmp_path: Path
         ),
         (
             noted(parked=replace(PARKED, entries=4).as_json()),
-            "it resumes after 4 commands, but the job has 3",
+            "the journal resumes after 4 commands, but the job has 3",
         ),
         (
             noted(parked=replace(PARKED, entries=-1).as_json()),
-            "it resumes after -1 commands, but the job has 3",
+            "the journal resumes after -1 commands, but the job has 3",
         ),
-        (noted(recovering_at=BROUGHT | {"entries": 4}), "it resumes after 4 commands, but the job has 3"),
+        (
+            noted(recovering_at=BROUGHT | {"entries": 4}),
+            "the journal resumes after 4 commands, but the job has 3",
+        ),
     ],
 )
 def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_print(
@@ -261,7 +265,7 @@ def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_
 ) -> None:
     job_store, good, bad = job_store_in(own_job_store)
     add(bad, record)
-    (damage,) = damaged_prints(job_store)
+    (damage,) = find_damaged_prints(job_store)
     resumed = typed("resume")
 
     assert find_print(job_store, "", running=False).folder == good.folder
@@ -276,7 +280,7 @@ def test_a_journal_that_no_print_of_this_job_wrote_is_named_and_blocks_no_other_
 def test_a_job_without_commands_is_named_and_blocks_no_other_print(tmp_path: Path) -> None:
     job_store, good, bad = job_store_in(tmp_path)
     (bad.folder / "job.gcode").write_bytes(b"; nothing\n")
-    (damage,) = damaged_prints(job_store)
+    (damage,) = find_damaged_prints(job_store)
 
     assert str(damage) == f"{bad.folder / 'job.gcode'}: the file contains no commands"
     assert find_print(job_store, "", running=False).folder == good.folder

@@ -22,7 +22,7 @@ from benchmarks.killing import of_job, served, start
 from printer_slicer.errors import PrintError
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.printing import print_job
-from printer_slicer.printing.heater_failsafe import switch_off_unless_resumed
+from printer_slicer.printing.heater_failsafe import switch_heaters_off_unless_resumed
 from printer_slicer.printing.job_store import load_print
 from printer_slicer.printing.journal import HEATERS_OFF, read_journal
 from printer_slicer.profile import load_profile
@@ -125,7 +125,7 @@ def test_a_resume_that_comes_to_nothing_leaves_the_guard_where_it_is(begin: Begi
     with served(tmp_path / "port", 50.0, KLIPPER, executed):
         kill(begin("print"), executed)
         left = the_print(tmp_path)
-        guard = Thread(target=lambda: switch_off_unless_resumed(left, 10.0, clock))
+        guard = Thread(target=lambda: switch_heaters_off_unless_resumed(left, 10.0, clock))
         guard.start()
         try:
             until(lambda: looked[0])

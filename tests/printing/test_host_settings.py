@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 
 from printer_slicer.cli.commands.resume import _command_check_option
-from printer_slicer.printing.host_settings import host_settings_from, parse_host_settings
+from printer_slicer.printing.host_settings import make_host_settings, parse_host_settings
 from printer_slicer.profile import load_profile, profile_from
 
 
 def test_it_is_the_same_after_it_was_a_file() -> None:
-    setup = host_settings_from(load_profile("voron_trident_300", "abs"), ["cold"])
+    setup = make_host_settings(load_profile("voron_trident_300", "abs"), ["cold"])
 
     kept = parse_host_settings(json.loads(json.dumps(setup.as_json())))
     assert kept.limits == setup.limits
@@ -19,7 +19,7 @@ def test_it_is_the_same_after_it_was_a_file() -> None:
 
 
 def test_one_that_an_earlier_version_kept_judges_nothing() -> None:
-    old = host_settings_from(load_profile()).as_json()
+    old = make_host_settings(load_profile()).as_json()
     del old["settings"], old["allowed"]
 
     assert _command_check_option(parse_host_settings(old)) == {}
@@ -28,9 +28,9 @@ def test_one_that_an_earlier_version_kept_judges_nothing() -> None:
 def test_what_is_typed_after_a_resume_is_judged_as_before() -> None:
     profile = load_profile("marlin_220", "pla")
     allow = _command_check_option(
-        parse_host_settings(json.loads(json.dumps(host_settings_from(profile).as_json())))
+        parse_host_settings(json.loads(json.dumps(make_host_settings(profile).as_json())))
     )["allow"]
-    lenient = _command_check_option(host_settings_from(profile, ["cold"]))["allow"]
+    lenient = _command_check_option(make_host_settings(profile, ["cold"]))["allow"]
 
     assert "260" in allow(b"M104 S400")
     assert allow(b"M302 P1")

@@ -29,7 +29,7 @@ def test_numbers_lead_to_entries(tmp_path: Path) -> None:
     journal_data = read_journal(tmp_path)
 
     assert (journal_data.line, journal_data.entries) == (20, 17)
-    assert [journal_data.entries_at(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [
+    assert [journal_data.count_entries_until(n) for n in (0, 1, 2, 3, 12, 14, 15, 16, 20, 22)] == [
         0,
         0,
         0,
@@ -52,8 +52,8 @@ def test_what_is_not_accepted_for_certain_is_told_by_the_printer(tmp_path: Path)
     journal.close()
     journal_data = read_journal(tmp_path)
 
-    assert (17, b"G1 Z5") not in journal_data.inserted_commands_until(20)
-    assert (17, b"G1 Z5") in journal_data.inserted_commands_until(21)
+    assert (17, b"G1 Z5") not in journal_data.list_inserted_commands_until(20)
+    assert (17, b"G1 Z5") in journal_data.list_inserted_commands_until(21)
 
 
 def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_numbers_that_begin_anew_forget_what_had_them_before(tmp_path: Path) -> 
         0,
         17,
     )
-    assert journal_data.entries_at(1) == 17
+    assert journal_data.count_entries_until(1) == 17
 
 
 def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_printer_greeted_anew_has_other_lines_under_the_same_numbers(tmp_path:
         journal.record_line(2, 0, b"M105")
     journal.close()
 
-    assert read_journal(tmp_path).entries_at(5) == 3
+    assert read_journal(tmp_path).count_entries_until(5) == 3
     assert len(read_journal(tmp_path).lines) == 2
 
 
@@ -119,14 +119,14 @@ def test_a_full_disk_is_noticed_and_nothing_else_happens(tmp_path: Path) -> None
     journal.sync()
     journal.close()
 
-    assert journal.failed == os.strerror(28)
+    assert journal.failure == os.strerror(28)
 
 
 def test_a_folder_that_is_gone_is_a_journal_that_failed(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "gone")
     journal.record_accepted(1, 1, 1.0)
 
-    assert journal.failed
+    assert journal.failure
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="other permissions")

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.printing.machine_state import PrintState, Step
-from printer_slicer.printing.move_geometry import remaining_move, state_at
+from printer_slicer.printing.move_geometry import build_remaining_move, interpolate_state
 
 
 def last_of(*commands: bytes) -> Step:
@@ -30,8 +30,8 @@ def test_the_rest_of_an_arc_has_the_same_centre(
     goal = b"X-10 Y10" if relative else b"X20 Y30"
     step = last_of(b"G92 X0 Y0 Z0 E0", *modes, word + b" " + goal + b" I-10 J0 E5")
 
-    _, values = parse(remaining_move(step, share))
-    here = state_at(step, share)
+    _, values = parse(build_remaining_move(step, share))
+    here = interpolate_state(step, share)
     assert here.x is not None
     assert here.y is not None
     centre = here.x + values[b"I"] * unit, here.y + values[b"J"] * unit

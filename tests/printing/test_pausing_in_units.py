@@ -78,7 +78,7 @@ def test_behind_a_thing_that_is_left_out_all_is_as_if_it_had_been_printed(
     inside = [*program_of([line for line in lines if not line.code.startswith("G53")]), *[b"G1 F600"] * 14]
     whole = [*START, *program_of([line for line in lead if not line.code.startswith("G53")]), *inside]
     job = LiveJob(whole, [Span("thing", len(whole) - len(inside), len(whole))], flavour=flavour)
-    job.cancel("thing", 0)
+    job.cancel_object("thing", 0)
 
     printed, skipped = Executor(flavour), Executor(flavour)
     for command in whole:

@@ -370,9 +370,9 @@ def test_klipper_leaves_things_out_by_itself() -> None:
 def test_a_file_without_marks_has_no_things() -> None:
     job = LiveJob([b"G28"], find_object_spans(b"G28\n"))
 
-    assert job.names == []
+    assert job.object_names == []
     with pytest.raises(UsageError, match="no object"):
-        job.cancel("0", 0)
+        job.cancel_object("0", 0)
 
 
 # Parsing of commands
@@ -434,9 +434,9 @@ def test_what_is_paused_or_prints_already_says_so() -> None:
     rig.run(turn)
 
     assert [str(answer) for answer in rig.answers] == [
-        "cannot resume: the print is streaming\n  Run `control status`",
+        "cannot resume: the print is streaming\n  Run printer-slicer control status",
         "pausing after the planned moves",
-        "cannot pause: the print is paused\n  Wait, or run `control status`",
+        "cannot pause: the print is paused\n  Run printer-slicer control status",
         "resuming",
     ]
     assert isinstance(rig.events[-1], Finished)
@@ -446,4 +446,4 @@ def test_a_wish_that_nobody_hears_is_given_up() -> None:
     with pytest.raises(UsageError) as caught:
         Controls().ask(commands.Pause(), timeout=0.01)
 
-    assert str(caught.value) == "the print does not answer\n  Check that the printer is connected"
+    assert str(caught.value) == "the print process does not respond\n  Check that the printer is connected"

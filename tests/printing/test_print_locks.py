@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
 
-from printer_slicer.printing.host_settings import host_settings_from
+from printer_slicer.printing.host_settings import make_host_settings
 from printer_slicer.printing.job_store import PortAddress, Print, create_print, load_print
 from printer_slicer.profile import load_profile
 from tests.waiting import LAST_RESORT
@@ -23,7 +23,7 @@ HOLD = (
 
 def begun(folder: Path) -> Print:
     return create_print(
-        folder, "job.gcode", b"G28\n", PortAddress("/dev/null", 115200), host_settings_from(load_profile())
+        folder, "job.gcode", b"G28\n", PortAddress("/dev/null", 115200), make_host_settings(load_profile())
     )
 
 

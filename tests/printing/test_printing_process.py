@@ -164,7 +164,7 @@ def test_only_its_owner_can_open_the_door_and_a_stale_one_is_replaced(tmp_path: 
         printing.ended()
 
     assert not where.exists()
-    with pytest.raises(PortError, match="does not answer"):
+    with pytest.raises(PortError, match="does not respond"):
         send_control_command(folder, "status")
 
 
@@ -290,7 +290,7 @@ def test_a_printer_that_was_reset_while_it_was_away_is_not_taken_up(tmp_path: Pa
 
     assert isinstance(printing.error, PrintError)
     assert re.fullmatch(
-        rf"job\.gcode: {tmp_path}/port: connection lost: [^;]+; reconnected, but its last accepted line is 0, not \d+"
+        rf"job\.gcode: {tmp_path}/port: connection lost: [^;]+; reconnected, but the last accepted line is 0, not \d+"
         r" \(after \d+ of 604 commands\)\n  Check the printer, [^;]+; the part is not finished\."
         r" Run printer-slicer resume to continue",
         str(printing.error),
@@ -325,7 +325,7 @@ def test_a_printer_that_was_reset_is_not_resumed_without_consent(tmp_path: Path)
         resume_print(left, job_in(tmp_path, text), recover=lambda why: bool(asked.append(why)))
 
     assert re.fullmatch(
-        r"job\.gcode: not resumed: its last accepted line is 0, not \d+\n"
+        r"job\.gcode was not resumed: the last accepted line is 0, not \d+\n"
         r"  Use printer-slicer resume --recover to run the recovery steps above",
         str(caught.value),
     )

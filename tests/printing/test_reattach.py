@@ -155,7 +155,7 @@ def test_a_printer_that_is_somewhere_else_has_lost_its_state(tmp_path: Path) -> 
     rig.port.write(b"\nG1 X7 Y7\n")
     rig.port.read(5.0)
 
-    with pytest.raises(PrinterStateLost, match="its x is 7"):
+    with pytest.raises(PrinterStateLost, match="x of the nozzle is 7"):
         found_by_next_host(rig)
 
 

@@ -178,7 +178,7 @@ def test_an_origin_that_was_moved_from_an_unknown_place_cannot_be_recovered(tmp_
         plan_recovery(print_, job)
 
     assert str(caught.value) == (
-        "part.gcode: the origin set by its G92 is unknown\n"
+        "part.gcode: the origin that its G92 commands set is unknown\n"
         "  Start again with printer-slicer print --discard-unfinished"
     )
 

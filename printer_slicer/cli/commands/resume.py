@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     job_store = store.default_job_store()
     if arguments.list:
         return _list_unfinished_prints(arguments, job_store)
-    for damage in store.damaged_prints(job_store):
+    for damage in store.find_damaged_prints(job_store):
         if arguments.discard and arguments.name == damage.folder.name:
             damage.delete()
             print_text(arguments, f"{damage.folder.name}: deleted")
@@ -130,11 +130,11 @@ def _command_check_option(setup: HostSettings) -> dict[str, Any]:
 
 def _list_unfinished_prints(arguments: argparse.Namespace, job_store: Path) -> int:
     """List the unfinished prints, damaged ones included."""
-    from printer_slicer.printing.job_store import damaged_prints, stored_prints
+    from printer_slicer.printing.job_store import find_damaged_prints, load_stored_prints
     from printer_slicer.printing.journal import read_journal
 
-    damaged = {damage.folder: damage for damage in damaged_prints(job_store)}
-    left = [one for one in stored_prints(job_store) if one.folder not in damaged and not one.is_locked]
+    damaged = {damage.folder: damage for damage in find_damaged_prints(job_store)}
+    left = [one for one in load_stored_prints(job_store) if one.folder not in damaged and not one.is_locked]
     rows = []
     for one in left:
         journal_data = read_journal(one.folder)
