@@ -1,6 +1,6 @@
 """Upload G-code to print servers such as OctoPrint, and start the print on request.
 
-`SERVERS` holds one upload function for each kind of server. The module `connection` has the connection and its errors.
+`SERVERS` holds one upload function for each kind of server. The module `connection` makes the HTTP requests.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def send(
     user: str = "",
     timeout: float = 30.0,
 ) -> str:
-    """Upload a file to a print server; return its path on the server.
+    """Upload a file to a print server; return the path of the file on the server.
 
     Args:
         upload: the file and its destination.

@@ -1,4 +1,4 @@
-"""HTTP connection to a print server, and its errors; no other module imports httpx."""
+"""Connect to a print server by HTTP, and report errors; no other module imports httpx."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import httpx
 from printer_slicer.errors import PortError, UsageError
 from printer_slicer.values import Struct
 
-__all__ = ["Connection", "CountedFile", "Upload", "rejection_error"]
+__all__ = ["Connection", "CountedFile", "Upload", "make_rejection_error"]
 
 _CHUNK: Final = 1 << 16
 _MAX_ERROR_LENGTH: Final = 200  # maximum length of a server's error message, characters
@@ -40,7 +40,7 @@ class Upload(Struct, frozen=True):
         if not self.name or "/" in self.name or "\\" in self.name or not self.name.isprintable():
             raise UsageError(
                 f"{self.name!r} is not a valid file name",
-                remedy="Use --name to choose another, such as part.gcode",
+                remedy="Use --name to choose another name, such as part.gcode",
             )
         if ".." in Path(self.folder).parts or not self.folder.isprintable():
             raise UsageError(
@@ -49,7 +49,7 @@ class Upload(Struct, frozen=True):
 
     @property
     def server_path(self) -> str:
-        """Path of the file on the server: folder and name, joined by a slash."""
+        """Return the path of the file on the server: folder and name, joined by a slash."""
         return "/".join(part for part in (self.folder.strip("/"), self.name) if part)
 
     def open(self) -> CountedFile:
@@ -63,7 +63,7 @@ class Upload(Struct, frozen=True):
         except OSError as error:
             raise UsageError(
                 f"{self.path}: cannot be read: {error.strerror}",
-                remedy="Check its name and permissions",
+                remedy="Check the name and permissions of the file",
             ) from None
 
 
@@ -90,11 +90,11 @@ class CountedFile:
         return self._file.fileno()
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to a position in the file; return the new position."""
+        """Move the read position of the file; return the new position."""
         return self._file.seek(offset, whence)
 
     def tell(self) -> int:
-        """Return the position in the file."""
+        """Return the read position in the file."""
         return self._file.tell()
 
     def close(self) -> None:
@@ -109,7 +109,7 @@ class CountedFile:
 
 
 class Connection:
-    """HTTP connection to one server; its errors name the server and a remedy.
+    """HTTP connection to one print server, whose error messages contain the server and a remedy.
 
     Args:
         url: address of the web page of the server.
@@ -153,11 +153,11 @@ class Connection:
         self._client.auth = httpx.DigestAuth(self.user, self.key)
 
     def set_headers(self, headers: Mapping[str, str]) -> None:
-        """Send these headers with all further requests."""
+        """Send the given headers with all further requests."""
         self._client.headers.update(headers)
 
     def request(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """Send a request; return the answer, also if its status is an error.
+        """Send a request; return the answer, even if the answer has an error status.
 
         Raises:
             PortError: the server does not answer.
@@ -195,13 +195,13 @@ class Connection:
             return self.request(method, path, content=iter(file), headers=all_headers, params=params)
 
     def upload_form(self, path: str, upload: Upload, fields: Mapping[str, str]) -> httpx.Response:
-        """Send a file and these fields as a form, in chunks; return the answer."""
+        """Send a form with a file and the given fields, in chunks; return the answer."""
         with upload.open() as file:
             files = {"file": (upload.name, file, "application/octet-stream")}
             return self.request("POST", path, data=dict(fields), files=files)
 
     def parse_json(self, answer: httpx.Response) -> dict[str, Any]:
-        """Return the JSON object that an answer contains.
+        """Return the JSON object in the body of an answer.
 
         Raises:
             PortError: the answer is not a JSON object, so the server is of another kind.
@@ -218,8 +218,8 @@ class Connection:
         return found
 
 
-def rejection_error(connection: Connection, answer: httpx.Response, problem: str) -> PortError:
-    """Return the error for an answer with an error status; `problem` says what failed."""
+def make_rejection_error(connection: Connection, answer: httpx.Response, problem: str) -> PortError:
+    """Return the exception for an answer with an error status; `problem` says what failed."""
     code = answer.status_code
     detail = _read_error_message(answer)
     message = f"{connection.url}: {problem}: {code} {answer.reason_phrase}" + (
@@ -237,11 +237,9 @@ def rejection_error(connection: Connection, answer: httpx.Response, problem: str
     elif code == 404:
         remedy = f"Check that the server is {connection.kind} and that the address is that of its web page"
     elif code == 409:
-        remedy = (
-            "Wait until the printer is idle and no file with this name is in use, or choose another --name"
-        )
+        remedy = "Wait until the printer is idle and no file with this name is in use, or use another --name"
     elif code in {413, 507}:
-        remedy = "Delete files on the server, which has no space for this file"
+        remedy = "Delete other files on the server, which has no space for this file"
     elif code == 415:
         remedy = "Use --name to give the file a name that ends in .gcode"
     else:

@@ -1,6 +1,6 @@
-"""Upload to Moonraker.
+"""Upload a file to Moonraker.
 
-Source: its documentation, "External API: File management, Server administration, Authorization".
+Source: documentation of Moonraker, "External API: File management, Server administration, Authorization".
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 from hashlib import file_digest
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
 
 __all__ = ["send_to_moonraker"]
 
 
 def send_to_moonraker(connection: Connection, upload: Upload) -> str:
-    """Upload a file to the folder `gcodes` of Moonraker, with a checksum; return its path on the server.
+    """Upload a file, with its checksum, to the folder `gcodes` of Moonraker; return its path there.
 
     Raises:
         PortError: the upload or the start of the print failed.
@@ -23,7 +23,7 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
         connection.set_headers({"X-Api-Key": connection.key})
     info = connection.request("GET", "/server/info")
     if info.status_code != 200:
-        raise rejection_error(connection, info, "the version query failed")
+        raise make_rejection_error(connection, info, "the version query failed")
     state = connection.parse_json(info).get("result")
     if not isinstance(state, dict) or "klippy_state" not in state:
         raise PortError(
@@ -47,7 +47,7 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
         "/server/files/upload", upload, {key: value for key, value in fields.items() if value}
     )
     if answer.status_code not in {200, 201}:
-        raise rejection_error(connection, answer, f"{upload.name} was not accepted")
+        raise make_rejection_error(connection, answer, f"{upload.name} was not accepted")
     answered = connection.parse_json(answer)
     answered = answered.get("result", answered)
     place = str(answered.get("item", {}).get("path", upload.server_path))

@@ -1,11 +1,14 @@
-"""Upload to OctoPrint. Source: its documentation, "REST API: File operations", "Version information"."""
+"""Upload a file to OctoPrint.
+
+Source: documentation of OctoPrint, "REST API: File operations", "Version information".
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
 
 __all__ = ["send_to_octoprint"]
 
@@ -15,7 +18,7 @@ _OFFLINE_STATES: Final = ("Offline", "Closed", "Opening", "Detecting", "Connecti
 
 
 def send_to_octoprint(connection: Connection, upload: Upload) -> str:
-    """Upload a file to the upload folder of OctoPrint; return its path on the server.
+    """Upload a file to the upload folder of OctoPrint; return the path of the file in OctoPrint.
 
     Raises:
         PortError: the upload or the start of the print failed.
@@ -24,7 +27,7 @@ def send_to_octoprint(connection: Connection, upload: Upload) -> str:
         connection.set_headers({"X-Api-Key": connection.key})
     version = connection.request("GET", "/api/version")
     if version.status_code != 200:
-        raise rejection_error(connection, version, "the version query failed")
+        raise make_rejection_error(connection, version, "the version query failed")
     if "api" not in connection.parse_json(version):
         raise PortError(
             f"{connection.url}: the server at this address is not OctoPrint",
@@ -33,7 +36,7 @@ def send_to_octoprint(connection: Connection, upload: Upload) -> str:
     fields = {"path": upload.folder.strip("/"), "print": "true" if upload.start else "false"}
     answer = connection.upload_form("/api/files/local", upload, fields)
     if answer.status_code != 201:
-        raise rejection_error(connection, answer, f"{upload.name} was not accepted")
+        raise make_rejection_error(connection, answer, f"{upload.name} was not accepted")
     answered = connection.parse_json(answer)
     place = str(answered.get("files", {}).get("local", {}).get("path", upload.server_path))
     if upload.start and not answered.get("effectivePrint", True):
@@ -49,7 +52,7 @@ def _choose_remedy(connection: Connection) -> str:
     answer = connection.request("GET", "/api/job")
     state = str(connection.parse_json(answer).get("state", "")) if answer.status_code == 200 else ""
     if state.startswith(_BUSY_STATES):
-        return f"Start it in OctoPrint when the current print has ended ({state})"
+        return f"Start the print in OctoPrint when the current print has ended ({state})"
     if not state or state.startswith(_OFFLINE_STATES):
         return "Connect OctoPrint to its printer and start the print there"
     return f"Check the printer in OctoPrint (its state is {state!r}) and start the print there"

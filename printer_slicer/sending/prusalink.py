@@ -1,4 +1,7 @@
-"""Upload to PrusaLink. Source: the OpenAPI description in its repository (`/api/v1/storage`, `/api/v1/files`)."""
+"""Upload a file to PrusaLink.
+
+Source: the OpenAPI description in its repository (`/api/v1/storage`, `/api/v1/files`).
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,16 @@ from typing import Any
 from urllib.parse import quote
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
 
 __all__ = ["send_to_prusalink"]
 
 
 def send_to_prusalink(connection: Connection, upload: Upload) -> str:
-    """Upload a file to the first writable storage of PrusaLink, replacing a file of the same name; return its path.
+    """Upload a file to the first writable storage of PrusaLink; return the path of the file there.
 
-    With a user name, the key is a password for digest authentication. Without one, it is an API key.
+    A file of the same name is replaced. With a user name, the key is a password for digest authentication.
+    Without a user name, the key is an API key.
 
     Raises:
         PortError: the upload or the start of the print failed.
@@ -25,7 +29,7 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
         connection.set_headers({"X-Api-Key": connection.key})
     answer = connection.request("GET", "/api/v1/storage")
     if answer.status_code != 200:
-        raise rejection_error(connection, answer, "the list of storages could not be read")
+        raise make_rejection_error(connection, answer, "the list of storages could not be read")
     place = f"{_find_storage(connection, connection.parse_json(answer)).strip('/')}/{upload.server_path}"
     headers = {
         "Content-Type": "text/x.gcode",
@@ -34,7 +38,7 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
     }
     done = connection.upload("PUT", f"/api/v1/files/{quote(place)}", upload, headers=headers)
     if done.status_code not in {200, 201}:
-        raise rejection_error(connection, done, f"{upload.name} was not accepted")
+        raise make_rejection_error(connection, done, f"{upload.name} was not accepted")
     return place
 
 

@@ -218,7 +218,7 @@ def test_duet_without_room(gcode: Path) -> None:
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        (2, "all sessions are in use\n  Close web pages of the printer, or try again later"),
+        (2, "all sessions are in use\n  Close other web pages of the printer, or try again later"),
         (7, "the printer did not open a session (error 7)\n  Check the web page of the printer"),
     ],
 )
@@ -337,7 +337,7 @@ def test_a_file_that_cannot_be_read_is_told_before_the_server_is_asked(kind: str
         send(Upload(gone, "a.gcode"), kind, seen.url)
 
     assert str(caught.value) == (
-        f"{gone}: cannot be read: No such file or directory\n  Check its name and permissions"
+        f"{gone}: cannot be read: No such file or directory\n  Check the name and permissions of the file"
     )
     assert seen.requests == []
 
