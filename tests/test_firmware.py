@@ -25,7 +25,7 @@ from printer_slicer.gcode.lexer import parse, parse_extended
 from printer_slicer.sim.dialect_commands import DIALECT_COMMANDS
 from printer_slicer.sim.firmwares import KLIPPER, MARLIN_2_1, SIMULATED_FIRMWARES
 from printer_slicer.sim.printer import SimulatedPrinter
-from printer_slicer.stream.replies import Identity, read_reply
+from printer_slicer.stream.replies import Identity, parse_replies
 from tests.programs import LARGE
 from tests.sim.sim_console import Console
 
@@ -49,7 +49,7 @@ def test_every_wire_dialect_belongs_to_one_firmware() -> None:
 def test_simulated_printers_are_identified_by_their_reply_to_m115(name: str) -> None:
     simulated = SIMULATED_FIRMWARES[name]
     said = simulated.identity.format(name=simulated.name, tools=1).encode()
-    [firmware] = [reply.firmware for reply in read_reply(said) if isinstance(reply, Identity)]
+    [firmware] = [reply.firmware for reply in parse_replies(said) if isinstance(reply, Identity)]
 
     assert flavour_of(WIRE_DIALECTS[wire_dialect_name(firmware)]) == simulated.dialect
 

@@ -217,7 +217,7 @@ _OTHER_NAMES: Final[Mapping[str, str]] = {"estop": "abort", "m112": "abort", FOR
 
 
 def parse_command(line: str) -> PrintCommand:
-    """Parse a command line.
+    """Parse a command for a running print, such as `pause now`.
 
     Raises:
         UsageError: the line is not a valid command.

@@ -123,14 +123,14 @@ def _answer_request(connection: socket.socket, controls: Controls, name: str, to
             answer: dict[str, Any] = {
                 "ok": True,
                 "job": name,
-                "answer": _execute(controls, parse_command(line)),
+                "answer": _execute_command(controls, parse_command(line)),
             }
         except UsageError as error:
             answer = {"ok": False, "job": name, "answer": str(error)}
         connection.sendall(json.dumps(answer).encode() + b"\n")
 
 
-def _execute(controls: Controls, command: PrintCommand) -> str:
+def _execute_command(controls: Controls, command: PrintCommand) -> str:
     """Execute a command and return its result; a status request is answered soon, even by a busy print.
 
     Raises:

@@ -137,7 +137,7 @@ class Print(Struct):
         return False
 
     def delete(self) -> None:
-        """Delete the print."""
+        """Delete the files of the print."""
         self.release()
         rmtree(self.folder, ignore_errors=True)
 
@@ -170,7 +170,7 @@ class DamagedPrint(Struct, frozen=True):
         return UsageError(str(self), remedy=self.remedy)
 
     def delete(self) -> None:
-        """Delete the print."""
+        """Delete the files of the print."""
         rmtree(self.folder, ignore_errors=True)
 
 
@@ -199,7 +199,7 @@ def create_print(
     head = {
         "version": 1,
         "name": name,
-        "port": _make_absolute(address.port),
+        "port": _make_port_absolute(address.port),
         "baud": address.baud,
         "begun": f"{now:%Y-%m-%d %H:%M}",
         "boot": _read_boot_id(),
@@ -363,7 +363,7 @@ def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
     )
 
 
-def _make_absolute(port: str) -> str:
+def _make_port_absolute(port: str) -> str:
     """Make the path of a port absolute, so that the path is valid in any working directory."""
     return port if "://" in port else str(Path(port).absolute())
 

@@ -74,23 +74,23 @@ class Journal:
 
     def record_restart(self, entries: int) -> None:
         """Record that line numbering restarts after `entries` accepted job entries."""
-        self._write(f"E {entries}")
+        self._write_record(f"E {entries}")
 
     def record_line(self, number: int, entries: int, command: bytes) -> None:
         """Record that line `number` is about to be sent."""
-        self._write(f"N {number} {entries} {command.decode('latin-1')}")
+        self._write_record(f"N {number} {entries} {command.decode('latin-1')}")
 
     def record_accepted(self, number: int, entries: int, now: float) -> None:
         """Record that the printer has accepted everything up to line `number`."""
-        self._write(f"A {number} {entries} {now:.3f}")
+        self._write_record(f"A {number} {entries} {now:.3f}")
 
     def record_state(self, values: Mapping[str, Any]) -> None:
         """Record named states; a later value replaces an earlier one of the same name."""
-        self._write("S " + json.dumps(values))
+        self._write_record("S " + json.dumps(values))
 
     def record_end(self, reason: str, now: float) -> None:
         """Record why the print ended, or that the host lost the connection."""
-        self._write(f"X {now:.3f} " + " ".join(reason.split()))
+        self._write_record(f"X {now:.3f} " + " ".join(reason.split()))
 
     def sync(self) -> None:
         """Write the journal to the disk."""
@@ -108,7 +108,7 @@ class Journal:
             os.close(self._file)
             self._file = -1
 
-    def _write(self, record: str) -> None:
+    def _write_record(self, record: str) -> None:
         """Append a record with its checksum."""
         if self._file < 0:
             return
@@ -139,7 +139,7 @@ class NumberedRecord(Struct, frozen=True):
 
 
 class JournalData(Struct):
-    """Contents of a journal.
+    """Contents of the journal of a print.
 
     Attributes:
         base: number of entries accepted at the last restart of line numbering.

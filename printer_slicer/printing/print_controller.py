@@ -1,6 +1,6 @@
 """Control a print that a streamer sends: pauses, user commands, prompts of the printer, temperatures.
 
-Like the streamer, it has no I/O, clock or thread; `session.run` calls `advance`, `record` and `on_event`.
+Like the streamer, it has no I/O, clock or thread; `session.run` calls `advance`, `record_events` and `on_event`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from printer_slicer.stream.events import Identified, Prompt, Reading, Temperatur
 from printer_slicer.stream.framing import check_commands
 from printer_slicer.stream.heater_watchdog import HeaterWatchdog
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.replies import Position, UnknownCommand, read_reply
+from printer_slicer.stream.replies import Position, UnknownCommand, parse_replies
 from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.states import State
 from printer_slicer.values import Struct, replace
@@ -105,9 +105,9 @@ class PrintController:
         self._stop_due, self._stop_sent = inf, 0
         self._restore: tuple[ParkedState | None, float, tuple[str, ...], bool] | None = None
         self._scripted: deque[bytes] = deque()
-        self._handlers = self._command_handlers()
+        self._handlers = self._make_command_handlers()
 
-    def _command_handlers(self) -> dict[type, Callable[[Any], str]]:
+    def _make_command_handlers(self) -> dict[type, Callable[[Any], str]]:
         """Return the handler method for each kind of command."""
         return {
             **dict.fromkeys(GCODE_COMMANDS, self._on_gcode_command),
@@ -151,10 +151,10 @@ class PrintController:
             self._resume_job()
         if now >= self.temperatures.next_query_at:
             self._query_temperatures()
-        if alarm := self.watchdog.check(now):
+        if alarm := self.watchdog.check_silence(now):
             self._listen(stream_events.StreamWarning(str(alarm)))
 
-    def record(self, events: Sequence[stream_events.Event]) -> None:
+    def record_events(self, events: Sequence[stream_events.Event]) -> None:
         """Record events in the journal before the corresponding bytes are written."""
         journal = self._journal
         for event in events:
@@ -407,7 +407,7 @@ class PrintController:
         cancel = self._setup.firmware.cancel_object_command
         if cancel is not None and job.marked_for_klipper:
             job.cancelled.discard(name)
-            self._inject(cancel(name))
+            self._inject_user_command(cancel(name))
         elif self._journal:
             self._journal.record_state({"cancelled": sorted(job.cancelled), "cancelled_at": job.cancelled_at})
         self._listen(stream_events.StreamWarning(f"object {name} cancelled"))
@@ -415,7 +415,7 @@ class PrintController:
 
     def _on_gcode_command(self, command: Any) -> str:
         """Send the G-code of a command, and remember the value that it sets."""
-        answer = self._inject(format_command(command, self._setup.firmware, self._identity))
+        answer = self._inject_user_command(format_command(command, self._setup.firmware, self._identity))
         if isinstance(command, commands.Speed):
             self.speed = command.percent
         elif isinstance(command, commands.Flow):
@@ -431,7 +431,7 @@ class PrintController:
         self._streamer.send_at_once(b"M876 S%d" % command.choice)
         return "answered"
 
-    def _inject(self, command: bytes) -> str:
+    def _inject_user_command(self, command: bytes) -> str:
         """Send a command of a user ahead of the job, if it is allowed; return the result for the user."""
         if self._streamer.state not in {State.STREAMING, State.PAUSED}:
             raise UsageError(
@@ -482,7 +482,7 @@ class PrintController:
 
     def _on_message(self, message: stream_events.Message) -> None:
         """Extract a reported position or an unknown command from a message."""
-        for reply in read_reply(message.text.encode()):
+        for reply in parse_replies(message.text.encode()):
             if isinstance(reply, Position) and reply.e is not None:
                 self._reported_position = reply.x, reply.y, reply.z, reply.e
             elif isinstance(reply, UnknownCommand):
@@ -549,7 +549,7 @@ _POLL_INTERVAL: Final = 5.0
 
 
 class Prompts:
-    """Prompts that the printer shows to the user.
+    """Collects the text and buttons of prompts that the printer shows to the user.
 
     Attributes:
         shown: the open prompt, None if there is none.

@@ -198,13 +198,13 @@ def _ignore_event(_: Event) -> None:
     """Ignore an event, if there is no listener."""
 
 
-def _allow_any(_: bytes) -> str:
+def _allow_any_command(_: bytes) -> str:
     """Allow any command."""
     return ""
 
 
 class PrintSession:
-    """One print from start to end, over any number of connections."""
+    """Runs one print from start to end, and reconnects to the printer if the connection is lost."""
 
     def __init__(
         self,
@@ -220,7 +220,7 @@ class PrintSession:
         self._checkpoint = options.get("checkpoint")
         self._controls = options.get("controls") or Controls()
         self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
-        self._allow = options.get("allow", _allow_any)
+        self._allow = options.get("allow", _allow_any_command)
         self._guard = options.get("guard")
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
@@ -244,7 +244,7 @@ class PrintSession:
         """
         begun = monotonic()
         try:
-            with self._handle_signals(), self._run_services():
+            with self._handle_signals(), self._run_background_services():
                 self._stream_until_end(transport, plan)
         except PortError as error:
             raise PrintError(
@@ -280,7 +280,7 @@ class PrintSession:
         self._journal.record_accepted(last, found.entries, monotonic())
         return found
 
-    def _listen(self, event: Event) -> None:
+    def _notify_listener(self, event: Event) -> None:
         """Pass an event to the listener; stop calling a listener whose output is closed."""
         try:
             self._on_event(event)
@@ -313,7 +313,12 @@ class PrintSession:
             first=plan.entries if plan else 0,
         )
         controller = PrintController(
-            streamer, live, self._setup, journal=self._journal, listen=self._listen, allow=self._allow
+            streamer,
+            live,
+            self._setup,
+            journal=self._journal,
+            listen=self._notify_listener,
+            allow=self._allow,
         )
         self._controller, self._streamer = controller, streamer
         if self._journal:
@@ -370,7 +375,7 @@ class PrintSession:
                     monotonic,
                     on_event=on_event,
                     before_send=controller.advance,
-                    record=controller.record,
+                    record=controller.record_events,
                 )
             except KeyboardInterrupt:
                 self._cancel_or_halt()
@@ -393,7 +398,9 @@ class PrintSession:
         self._journal.record_end(f"{LOST}{reason}", monotonic())
         if not self._reconnect or self._journal.failure:
             raise error
-        self._listen(StreamWarning(f"{reason}: waiting {self._reconnect:g} s for the printer to reconnect"))
+        self._notify_listener(
+            StreamWarning(f"{reason}: waiting {self._reconnect:g} s for the printer to reconnect")
+        )
         transport = self._wait_for_port(error)
         try:
             plan = self.reattach(transport)
@@ -402,7 +409,7 @@ class PrintSession:
             raise PortError(
                 f"{reason}; reconnected, but {lost}", remedy="Run printer-slicer resume"
             ) from None
-        self._listen(
+        self._notify_listener(
             StreamWarning(f"reconnected: the printer has kept its state after {plan.entries} commands")
         )
         return transport, plan
@@ -451,7 +458,7 @@ class PrintSession:
             self._transport.wake()
 
     @contextmanager
-    def _run_services(self) -> Iterator[None]:
+    def _run_background_services(self) -> Iterator[None]:
         """Run the background services of a stored print within a `with` block."""
         if self._print is None or self._journal is None:
             yield

@@ -213,7 +213,7 @@ def rebuild_job(
 def _find_parked_state(
     journal_data: JournalData, line: int, setup: HostSettings
 ) -> tuple[ParkedState | None, float, tuple[str, ...]]:
-    """Find the parked state at line `line`.
+    """Find the parked state of the print after the line with number `line`.
 
     Returns:
         Parked state (None if the nozzle has returned), filament extruded since parking (mm), and discarded moves that

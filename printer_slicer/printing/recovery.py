@@ -25,7 +25,7 @@ from printer_slicer.printing.parking import (
 )
 from printer_slicer.printing.power_loss_position import find_stop_position
 from printer_slicer.printing.reattach import ResumePlan, rebuild_job
-from printer_slicer.printing.resume_approach import find_approach, sample_extrusions
+from printer_slicer.printing.resume_approach import find_approach_point, sample_extrusions
 from printer_slicer.stream.protocol import RESET_REASON
 from printer_slicer.values import Struct, as_dict
 
@@ -213,7 +213,7 @@ def build_recovery_script(
         prime = [b"M83", b"G1 E%s F300" % format_number(setup.purge + setup.retract)]
         script += [*prime, b"G1 E-%s F%d" % (format_number(setup.retract), setup.retract_speed * 60)]
     script += [b"M106 S%d" % machine.fan if machine.fan else b"M107", *machine.fans.values()]
-    beside = find_approach(sample_extrusions(job, point.entries, setup), (x, y, z), setup)
+    beside = find_approach_point(sample_extrusions(job, point.entries, setup), (x, y, z), setup)
     if beside is not None:
         script.append(
             b"G1 X%s Y%s" % (format_number(round(beside[0], 3)), format_number(round(beside[1], 3))) + travel

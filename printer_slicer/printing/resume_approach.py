@@ -13,7 +13,7 @@ from printer_slicer.gcode import read_moves
 from printer_slicer.jobs import Job
 from printer_slicer.printing.host_settings import HostSettings
 
-__all__ = ["find_approach", "sample_extrusions"]
+__all__ = ["find_approach_point", "sample_extrusions"]
 
 _DIRECTIONS: Final = 72
 _MAX_DISTANCE: Final = (
@@ -37,7 +37,7 @@ def sample_extrusions(job: Job, entries: int, setup: HostSettings) -> Float:
     return points
 
 
-def find_approach(
+def find_approach_point(
     points: Float, goal: tuple[float, float, float], setup: HostSettings
 ) -> tuple[float, float] | None:
     """Return the point beside the part where the nozzle should move down to reach a position in the last layer.

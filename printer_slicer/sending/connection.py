@@ -180,7 +180,7 @@ class Connection:
                 remedy="Check on the web page of the server whether its disk is full, then try again",
             ) from None
 
-    def upload(
+    def upload_file(
         self,
         method: str,
         path: str,

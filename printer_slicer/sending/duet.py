@@ -47,7 +47,7 @@ def send_to_duet(connection: Connection, upload: Upload) -> str:
 def _upload_standalone(connection: Connection, upload: Upload, place: str) -> None:
     """Upload a file, with its checksum, to a standalone Duet; start the print with M32 if requested."""
     query = {"name": place, "crc32": f"{_compute_file_checksum(upload):08x}"}
-    answer = connection.upload("POST", "/rr_upload", upload, params=query)
+    answer = connection.upload_file("POST", "/rr_upload", upload, params=query)
     if answer.status_code != 200:
         raise make_rejection_error(connection, answer, f"{upload.name} was not accepted")
     if connection.parse_json(answer).get("err") != 0:
@@ -69,7 +69,7 @@ def _upload_to_framework(connection: Connection, upload: Upload, place: str) -> 
     if answer.status_code != 200:
         raise make_rejection_error(connection, answer, "the request for a session failed")
     connection.set_headers({"X-Session-Key": str(connection.parse_json(answer).get("sessionKey", ""))})
-    done = connection.upload("PUT", f"/machine/file/{quote(place)}", upload)
+    done = connection.upload_file("PUT", f"/machine/file/{quote(place)}", upload)
     if done.status_code not in {200, 201}:
         raise make_rejection_error(connection, done, f"{upload.name} was not accepted")
     if upload.start:

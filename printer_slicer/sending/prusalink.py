@@ -36,7 +36,7 @@ def send_to_prusalink(connection: Connection, upload: Upload) -> str:
         "Overwrite": "?1",
         "Print-After-Upload": "?1" if upload.start else "?0",
     }
-    done = connection.upload("PUT", f"/api/v1/files/{quote(place)}", upload, headers=headers)
+    done = connection.upload_file("PUT", f"/api/v1/files/{quote(place)}", upload, headers=headers)
     if done.status_code not in {200, 201}:
         raise make_rejection_error(connection, done, f"{upload.name} was not accepted")
     return place

@@ -119,7 +119,7 @@ class AckTracker:
             return self.timer.next_probe_at(self.history.oldest)
         return self._temperatures_expected_until if self._expected_temperatures else None
 
-    def available_bytes(self) -> int:
+    def find_max_line_length(self) -> int:
         """Return how long a line that is sent now may be, in bytes with its line break."""
         history = self.history
         if not history.n_in_flight or history.cursor == self._requested_line:
@@ -131,7 +131,7 @@ class AckTracker:
 
     def can_resend(self) -> bool:
         """Return whether the next line, which has its number already, may be sent now."""
-        return len(self.history.next_line.text) < self.available_bytes()
+        return len(self.history.next_line.text) < self.find_max_line_length()
 
     def is_overdue(self, now: float) -> bool:
         """Return whether the acknowledgement of the oldest line in flight is overdue."""
@@ -148,7 +148,7 @@ class AckTracker:
 
     @property
     def can_query_last_line(self) -> bool:
-        """Return whether the number of the last line may be queried instead of probing.
+        """Return whether to query the number of the last line instead of sending a probe.
 
         That query has no checksum, so it is not used on a cable that damages lines: one flipped bit turns it into M112.
         """
@@ -245,7 +245,7 @@ class AckTracker:
             return ok.number
         if ok.has_temperatures:
             self._ok_has_temperatures = True
-            number = history.find_newest(PROBE_COMMAND)
+            number = history.find_newest_line(PROBE_COMMAND)
             if number is not None:
                 return self._record_probe_answer(number, now)
             if now < self._late_answers_until or not self._checks_line_numbers:
@@ -262,7 +262,7 @@ class AckTracker:
         return number
 
     def _is_unmatched(self, ok: Ok, now: float) -> bool:
-        """Return whether an ok answers no numbered line, but a rejected line or an unnumbered command."""
+        """Return whether an ok acknowledges no line: it follows a rejection or an unnumbered command."""
         history, resends = self.history, self.resends
         if resends.claimed_line is not None:
             # The resend request before this ok was lost, but the error has named the line.
@@ -319,7 +319,7 @@ class AckTracker:
         if self._expected_temperatures:
             self._expected_temperatures -= 1
             return None
-        return self.history.find_oldest(PROBE_COMMAND)
+        return self.history.find_oldest_line(PROBE_COMMAND)
 
     def _forget_unnumbered_commands(self, number: int) -> None:
         """Forget the unnumbered commands sent before line `number`: the printer has answered them already."""
@@ -361,4 +361,4 @@ class AckTracker:
         self.unacked = self._lone_probe = None
         self.window.on_error()
         self.timer.on_answer(now, is_conclusive=True)
-        return self.history.rewind(number)
+        return self.history.rewind_to(number)

@@ -23,9 +23,9 @@ __all__ = [
     "MAX_LINE_BYTES",
     "check_commands",
     "compute_checksum",
+    "find_max_command_length",
     "frame",
     "frame_with_crc",
-    "max_command_length",
 ]
 
 MAX_LINE_BYTES: Final = 95
@@ -63,7 +63,7 @@ def frame_with_crc(number: int, command: bytes) -> bytes:
     return b"%s*%05d" % (body, crc_hqx(body, 0))
 
 
-def max_command_length(number: int, line_bytes: int) -> int:
+def find_max_command_length(number: int, line_bytes: int) -> int:
     """Return the maximum length of a command whose numbered line, with its line break, fits into `line_bytes`."""
     return line_bytes - len(b"N%d *255\n" % number)
 

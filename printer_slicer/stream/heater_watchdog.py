@@ -76,11 +76,12 @@ class NoThermalProtection(Struct, frozen=True):
 class HeaterWatchdog(Struct):
     """Raises an alarm if the printer stays silent while heaters are on.
 
-    Call `on_sent` with each sent command, `on_event` with each event (or `on_answer` for an answer without an event),
-    and `check` once `alarm_at` has passed. `build_shutdown_lines` returns what to write when the host ends early.
+    Call `on_sent` with each sent command, `on_event` with each event (or `on_answer` for an answer without an
+    event), and `check_silence` once `alarm_at` has passed. `build_shutdown_lines` returns what to write when the
+    host ends early.
 
     Attributes:
-        silence: s of silence after which the alarm is raised, once per silence.
+        silence: s of silence after which the alarm is raised; it is raised again only after an answer.
         targets: target temperature, °C, of each heater that is on, by its name in commands and reports.
     """
 
@@ -131,7 +132,7 @@ class HeaterWatchdog(Struct):
         """Return when the alarm is due, s; infinite if no heater is on or the alarm was raised already."""
         return self._last_answer_at + self.silence if self.targets and not self._has_alarmed else inf
 
-    def check(self, now: float) -> HeaterAlarm | None:
+    def check_silence(self, now: float) -> HeaterAlarm | None:
         """Return an alarm if the printer has been silent for too long; at most one until it answers."""
         if now < self.alarm_at:
             return None

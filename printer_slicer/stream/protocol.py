@@ -24,7 +24,7 @@ from printer_slicer.firmware import DEFAULT_WIRE_DIALECT, get_wire_dialect
 from printer_slicer.stream import events as stream_events
 from printer_slicer.stream import replies
 from printer_slicer.stream.ack_tracker import AckTracker
-from printer_slicer.stream.framing import check_commands, max_command_length
+from printer_slicer.stream.framing import check_commands, find_max_command_length
 from printer_slicer.stream.handshake import Handshake
 from printer_slicer.stream.send_history import PROBE_COMMAND
 from printer_slicer.stream.send_queue import SendQueue
@@ -166,11 +166,11 @@ class Streamer:
 
     def pause(self) -> None:
         """Pause the job until `resume`; lines in flight are still executed."""
-        self._apply(Trigger.PAUSE)
+        self._apply_trigger(Trigger.PAUSE)
 
     def resume(self) -> None:
         """Resume the job after `pause`."""
-        self._apply(Trigger.RESUME)
+        self._apply_trigger(Trigger.RESUME)
 
     def inject(self, command: bytes) -> None:
         """Queue a command ahead of the rest of the job; it is also sent while paused.
@@ -189,7 +189,7 @@ class Streamer:
             UsageError: a command of the script can never be sent.
         """
         check_commands(end_script)
-        if self._apply(Trigger.CANCEL):
+        if self._apply_trigger(Trigger.CANCEL):
             self._queue.cancel(end_script)
             if self._ended:
                 self._events.append(
@@ -222,7 +222,7 @@ class Streamer:
             lines.append(self._partial)
             self._partial = b""
         for line in lines:
-            for reply in replies.read_reply(line.rstrip(b"\r")):
+            for reply in replies.parse_replies(line.rstrip(b"\r")):
                 if not self._ended:
                     self._handlers[type(reply)](reply, now)
         if self._acknowledged > before:
@@ -242,7 +242,7 @@ class Streamer:
         if self._state is State.CANCELLING:
             out.append(self._tracker.break_wait(now))
         if self._tracker.is_overdue(now):
-            out.append(self._probe(now))
+            out.append(self._make_probe(now))
         while self._prepare_next_line(now):
             out.append(self._tracker.history.send_next(now))
         return b"".join(out)
@@ -292,7 +292,7 @@ class Streamer:
         self._events.append(stream_events.ResendRequested(wanted))
         return True
 
-    def _probe(self, now: float) -> bytes:
+    def _make_probe(self, now: float) -> bytes:
         """Return the bytes of a probe, or halt if the printer has answered no probe for too long."""
         tracker, history = self._tracker, self._tracker.history
         if tracker.timer.is_unresponsive(history.oldest, now):
@@ -315,38 +315,38 @@ class Streamer:
             return False
         if tracker.history.cursor < tracker.history.next_number:
             return tracker.can_resend()
-        max_length = max_command_length(tracker.history.next_number, tracker.available_bytes())
-        command = self._next_command(max_length, now) if max_length > 0 else None
+        max_length = find_max_command_length(tracker.history.next_number, tracker.find_max_line_length())
+        command = self._take_next_command(max_length, now) if max_length > 0 else None
         if command is None:
             return False
         self._assign_number(command)
         return True
 
-    def _next_final_query(self, now: float) -> bytes | None:
+    def _take_final_query(self, now: float) -> bytes | None:
         """Return the next of the queries that end the print; None while an answer is due, and at the end."""
         tracker = self._tracker
         if tracker.expects_temperatures(now):
             return None
         if not tracker.clear_expected_temperatures():
             self._queue.restart_final_queries()
-        command = self._queue.next_final_query()
+        command = self._queue.take_final_query()
         if command is None:
-            self._apply(Trigger.FINISH)
+            self._apply_trigger(Trigger.FINISH)
             self._events.append(self._queue.make_finished_event(self._acknowledged))
         return command
 
-    def _next_command(self, max_length: int, now: float) -> bytes | None:
+    def _take_next_command(self, max_length: int, now: float) -> bytes | None:
         """Return the next command of at most `max_length` bytes to send; None if none may be sent now."""
         queue, idle = self._queue, not self._tracker.history.n_in_flight
         if self._state is State.IDENTIFYING:
             return self._handshake.choose_query(self._tracker.history.next_number) if idle else None
-        command = queue.next_injected(max_length)
+        command = queue.take_injected_command(max_length)
         if command is None and (self._state is State.STREAMING or self._state is State.CANCELLING):
-            command = queue.next_job_command(max_length)
+            command = queue.take_job_command(max_length)
             if command is None and idle:
                 self._accept_all()
         if command is None and self._state is State.FINISHING and idle:
-            command = self._next_final_query(now)
+            command = self._take_final_query(now)
         return command
 
     def _accept_all(self) -> None:
@@ -355,7 +355,7 @@ class Streamer:
             self._acknowledged = self._queue.n_entries_taken
             self._events.append(stream_events.Accepted(self._acknowledged))
         self._queue.restart_final_queries()
-        self._apply(Trigger.ACCEPTED)
+        self._apply_trigger(Trigger.ACCEPTED)
 
     def _assign_number(self, command: bytes) -> None:
         """Assign the next line number to a command; report it if it is not simply the next job entry."""
@@ -397,8 +397,8 @@ class Streamer:
             self._acknowledged, self._tracker.accept(number, now, is_conclusive=is_conclusive)
         )
         if self._state is State.IDENTIFYING and self._handshake.choose_query(number + 1) is None:
-            self._apply(Trigger.IDENTIFIED)
-            self._tracker.history.mark_proven(1)
+            self._apply_trigger(Trigger.IDENTIFIED)
+            self._tracker.history.mark_certainly_accepted(1)
             self._dialect = self._handshake.dialect
             parser = self._handshake.has_capability("EMERGENCY_PARSER")
             self._tracker.set_dialect(self._dialect, emergency_parser=parser)
@@ -430,7 +430,7 @@ class Streamer:
         if self._tracker.resends.ignore_next_ok:
             self._tracker.resends.ignore_next_ok = False
         elif self._handshake.has_started and not ok.has_temperatures:
-            self._apply(Trigger.GREETED)
+            self._apply_trigger(Trigger.GREETED)
 
     def _on_resend(self, resend: replies.Resend, now: float) -> None:
         if self._state is State.CONNECTING:
@@ -462,7 +462,7 @@ class Streamer:
 
     def _on_reset(self, evidence: str, now: float) -> None:
         """Handle a reset of the printer: repeat the handshake if nothing was printed, otherwise halt."""
-        self._apply(Trigger.RESTARTED)
+        self._apply_trigger(Trigger.RESTARTED)
         if self._ended:
             self._events.append(stream_events.Halted(f"{RESET_REASON}: {evidence}", self._acknowledged))
         else:
@@ -478,7 +478,7 @@ class Streamer:
         self._on_text(unknown, now)
         received = unknown.command
         if not received or not any(
-            command.startswith(received) for command in self._tracker.history.commands_in_flight()
+            command.startswith(received) for command in self._tracker.history.list_commands_in_flight()
         ):
             # The printer read part of a line as a separate line: the next ok answers none of the sent lines.
             if self._tracker.unacked is not None:
@@ -532,7 +532,7 @@ class Streamer:
         self._last_message = (now, message.text)
         self._events.append(message)
 
-    def _apply(self, trigger: Trigger) -> bool:
+    def _apply_trigger(self, trigger: Trigger) -> bool:
         """Change the state by a trigger; return False if the current state does not allow the trigger."""
         state = TRANSITIONS[self._state].get(trigger)
         if state is None:
@@ -543,7 +543,7 @@ class Streamer:
 
     def _halt(self, reason: str) -> None:
         """End the print early and report why."""
-        if self._apply(Trigger.HALT):
+        if self._apply_trigger(Trigger.HALT):
             self._events.append(stream_events.Halted(reason, self._acknowledged))
 
 

@@ -30,7 +30,7 @@ __all__ = [
     "Stopped",
     "UnknownCommand",
     "Wait",
-    "read_reply",
+    "parse_replies",
 ]
 
 
@@ -178,7 +178,7 @@ _MAX_RESEND_LENGTH: Final = 20  # "Resend: " with a number of nine digits, and s
 def _parse_position(found: re.Match[bytes]) -> tuple[Reply, ...]:
     """Build a position report from a match of the pattern `_POSITION`."""
     x, y, z = (float(value) for value in found.groups()[:3])
-    return (Position(x, y, z, _decode(found.string), float(found[4]) if found[4] else None),)
+    return (Position(x, y, z, _decode_text(found.string), float(found[4]) if found[4] else None),)
 
 
 def _parse_resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
@@ -190,31 +190,34 @@ def _parse_resend(found: re.Match[bytes]) -> tuple[Reply, ...]:
 
 _PATTERNS: Final[tuple[tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], tuple[Reply, ...]]], ...]] = (
     (re.compile(rb"(?:Resend:|^rs )\s*N?:?\s*(\d{1,9})(ok)?(?=\s|$)"), _parse_resend),
-    (re.compile(rb"Last Line: *(\d{1,9})\s*$"), lambda m: (LineError(int(m[1]) + 1, _decode(m.string)),)),
-    (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _decode(m.string)),)),
+    (
+        re.compile(rb"Last Line: *(\d{1,9})\s*$"),
+        lambda m: (LineError(int(m[1]) + 1, _decode_text(m.string)),),
+    ),
+    (re.compile(rb"expected line (\d{1,9}) got"), lambda m: (LineError(int(m[1]), _decode_text(m.string)),)),
     (_STARTED, lambda _: (Started(),)),
     (re.compile(rb"^wait$"), lambda _: (Wait(),)),
     (re.compile(rb"^(?:echo: ?)?M110 N(-?\d{1,9})$"), lambda m: (LastLine(int(m[1])),)),
-    (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_decode(m.string), may_reject=True),)),
-    (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_decode(m[1])),)),
+    (re.compile(rb"^skip \d+$"), lambda m: (Garbled(_decode_text(m.string), may_reject=True),)),
+    (re.compile(rb"\bbusy:\s*(.*)"), lambda m: (Busy(_decode_text(m[1])),)),
     (
         re.compile(
             rb"^!!(?: [ -~]+)?$|^fatal:|insufficient axes homed"
             rb"|kill\(\) called|Printer halted|system stopped|(?i:emergency (?:shutdown|stop))"
             rb"|^// Klipper state: (?:Shutdown|Disconnect)"
         ),
-        lambda m: (Stopped(_decode(m.string)),),
+        lambda m: (Stopped(_decode_text(m.string)),),
     ),
-    (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_decode(m[1])),)),
-    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (UnknownCommand(m[1], _decode(m.string)),)),
-    (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_decode(m[1])),)),
-    (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_decode(m[1]), m[2] == b"1"),)),
+    (re.compile(rb"^//\s*action:\s*(.*)"), lambda m: (Action(_decode_text(m[1])),)),
+    (re.compile(rb'Unknown command:\s*"(.*)"'), lambda m: (UnknownCommand(m[1], _decode_text(m.string)),)),
+    (re.compile(rb"FIRMWARE_NAME:\s*(.*?)(?:\s+[A-Z_]+:.*)?$"), lambda m: (Identity(_decode_text(m[1])),)),
+    (re.compile(rb"^Cap:(\w+):([01])$"), lambda m: (Capability(_decode_text(m[1]), m[2] == b"1"),)),
     (_POSITION, _parse_position),
 )
 """Pattern of each kind of reply and its parser. The first match counts; urgent and unambiguous patterns come first."""
 
 
-def read_reply(line: bytes) -> tuple[Reply, ...]:
+def parse_replies(line: bytes) -> tuple[Reply, ...]:
     """Parse one line from the printer, without its line break, into its replies.
 
     Several replies in one line are returned in processing order: `ok T:...` is a report, then an ok.
@@ -245,7 +248,7 @@ def _parse_text(line: bytes) -> tuple[Reply, ...]:
             return build(found)
     if _TEMPERATURE_REPORT.match(line):
         return (_parse_temperature(line),)
-    text = _decode(line)
+    text = _decode_text(line)
     damaged = "\ufffd" in text or not _PRINTABLE.fullmatch(text)
     may_reject = _resembles_resend(text) or (damaged and len(text) > len("ok N1"))
     if may_reject or damaged or len(line) <= 3 or line.startswith(b"ok"):
@@ -275,6 +278,6 @@ def _resembles_resend(text: str) -> bool:
     return n_found >= 5
 
 
-def _decode(data: bytes) -> str:
+def _decode_text(data: bytes) -> str:
     """Decode received text without surrounding whitespace; invalid bytes become U+FFFD."""
     return data.decode(errors="replace").strip()

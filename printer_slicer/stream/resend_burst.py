@@ -77,7 +77,7 @@ class ResendBurst:
         return self.on_request(number, history, now)
 
     def on_request(self, number: int, history: SendHistory, now: float) -> ResendDecision:
-        """Handle a resend request for line `number`, which an ok still follows."""
+        """Handle a resend request for line `number`; the printer sends an ok after the request."""
         first = not self.is_active
         claimed_line, self.claimed_line = self.claimed_line, None
         self.ignore_next_ok = True
@@ -92,7 +92,7 @@ class ResendBurst:
         return decision
 
     def _choose_decision(self, number: int, claimed_line: int | None, history: SendHistory) -> ResendDecision:
-        """Return the decision about a resend request for line `number`, by the table at the top."""
+        """Return what to do about a resend request for line `number`, by the table of this module."""
         if claimed_line is not None and claimed_line != number:
             return ResendDecision.PROBE
         if history.accepted < number <= history.cursor:
@@ -129,6 +129,7 @@ class ResendBurst:
         return self._n_identical < _MAX_IDENTICAL
 
     def _reset(self) -> None:
+        """Forget the current transmission error."""
         self.requested_line = None
         self.ignore_next_ok = False
         self.deadline = self._latest_deadline = inf

@@ -94,11 +94,11 @@ class Resync:
         *lines, self._partial = (self._partial + data).split(b"\n")
         self._partial = self._partial[-1024:]
         for line in lines:
-            for reply in replies.read_reply(line.rstrip(b"\r")):
+            for reply in replies.parse_replies(line.rstrip(b"\r")):
                 if not self.done:
-                    self._process(reply, now)
+                    self._process_reply(reply, now)
 
-    def _process(self, reply: replies.Reply, now: float) -> None:
+    def _process_reply(self, reply: replies.Reply, now: float) -> None:
         if isinstance(reply, replies.Garbled):
             return
         if not isinstance(reply, Temperature) or reply.waiting:  # temperature reports come without a query

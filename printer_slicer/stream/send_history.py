@@ -109,10 +109,10 @@ class SendHistory:
         for old in range(self.accepted + 1, number + 1):
             self._lines.pop(old - _LINES_KEPT, None)
         self.accepted = number
-        self.mark_proven(number - _CERTAIN_AFTER)
+        self.mark_certainly_accepted(number - _CERTAIN_AFTER)
         return self._lines[number].entries
 
-    def mark_proven(self, number: int) -> None:
+    def mark_certainly_accepted(self, number: int) -> None:
         """Mark all lines up to `number` as certainly accepted."""
         self.proven = max(self.proven, number)
 
@@ -120,23 +120,23 @@ class SendHistory:
         """Return line `number`, which must be in flight."""
         return self._lines[number]
 
-    def find_newest(self, command: bytes) -> int | None:
+    def find_newest_line(self, command: bytes) -> int | None:
         """Return the number of the newest line in flight with this command, None if there is none."""
         for number in range(self.cursor - 1, self.accepted, -1):
             if self._lines[number].command == command:
                 return number
         return None
 
-    def find_oldest(self, command: bytes) -> int | None:
+    def find_oldest_line(self, command: bytes) -> int | None:
         """Return the number of the oldest line in flight with this command, None if there is none."""
         numbers = range(self.accepted + 1, self.cursor)
         return next((number for number in numbers if self._lines[number].command == command), None)
 
-    def commands_in_flight(self) -> list[bytes]:
+    def list_commands_in_flight(self) -> list[bytes]:
         """Return the commands of the lines in flight."""
         return [self._lines[number].command for number in range(self.accepted + 1, self.cursor)]
 
-    def rewind(self, number: int) -> int:
+    def rewind_to(self, number: int) -> int:
         """Go back, so that line `number` is sent next; return the number of job entries still accepted."""
         self.cursor = number
         self.accepted = min(self.accepted, number - 1)

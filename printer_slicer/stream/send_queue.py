@@ -85,17 +85,17 @@ class SendQueue:
         self._final_queries = deque(_FINAL_QUERIES)
         self._position_queries = 0
 
-    def next_injected(self, max_length: int) -> bytes | None:
+    def take_injected_command(self, max_length: int) -> bytes | None:
         """Return the next injected command; None if there is none or it is longer than `max_length` bytes."""
-        return _pop_next(self._injected, max_length)
+        return _take_first_command(self._injected, max_length)
 
-    def next_job_command(self, max_length: int) -> bytes | None:
+    def take_job_command(self, max_length: int) -> bytes | None:
         """Return the next command of the job, or of the end script after a cancel; None at the end.
 
         None also if the next command is longer than `max_length` bytes; then it stays in the queue.
         """
         if self._end_script is not None:
-            return _pop_next(self._end_script, max_length)
+            return _take_first_command(self._end_script, max_length)
         while self.n_entries_taken < len(self._commands):
             command = strip(self._commands[self.n_entries_taken])
             if len(command) > max_length:
@@ -105,7 +105,7 @@ class SendQueue:
                 return command
         return None
 
-    def next_final_query(self) -> bytes | None:
+    def take_final_query(self) -> bytes | None:
         """Return the next of the queries that check the end of the print; None if all were sent.
 
         M400 waits for the end of the motion, and M114 queries the position. The M105 between them has a unique answer,
@@ -177,7 +177,7 @@ class SendQueue:
         return max(deviations) <= POSITION_TOLERANCE if deviations else None
 
 
-def _pop_next(commands: deque[bytes], max_length: int) -> bytes | None:
+def _take_first_command(commands: deque[bytes], max_length: int) -> bytes | None:
     """Remove and return the next command, without comments; None if there is none or it is longer than `max_length`."""
     while commands:
         command = strip(commands[0])

@@ -130,7 +130,7 @@ def find_device_of_board(board: PortInfo, ports: Sequence[PortInfo] | None = Non
 
 
 def open_port(address: str, baud: int = 115200, *, dtr: bool | None = None) -> SerialPort:
-    """Open a port for exclusive use.
+    """Open a serial port for exclusive use.
 
     Args:
         address: device, persistent name, or URL.

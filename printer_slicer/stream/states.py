@@ -12,7 +12,7 @@ __all__ = ["ENDED", "TRANSITIONS", "State", "Trigger"]
 
 
 class State(Enum):
-    """State of a streamer."""
+    """State of a streamer, from connecting to the printer until the print is done or halted."""
 
     CONNECTING = "connecting"
     """Resets line numbers until the printer answers."""
@@ -30,7 +30,7 @@ class State(Enum):
 
 
 class Trigger(Enum):
-    """Trigger of a state transition."""
+    """Cause of a change of the state of a streamer."""
 
     GREETED = "the printer answered"
     IDENTIFIED = "line 1 is answered"

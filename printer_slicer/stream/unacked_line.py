@@ -93,7 +93,7 @@ class UnackedLine:
         return fate
 
     def _decide_fate(self) -> LineFate:
-        """Return the fate of the line by the table in the module docstring."""
+        """Return the fate of the line by the table of this module."""
         is_before, is_after = (_matches_position(self.position, place) for place in self._positions)
         if self.position is not None and is_before != is_after:
             return LineFate.EXECUTED if is_after else LineFate.LOST

@@ -92,7 +92,7 @@ class Window:
         return self._careful_lines_left > 0
 
     def on_error(self) -> None:
-        """Limit the lines in flight to one for a while, then to two, because a line or an answer was lost."""
+        """Allow only one line in flight for a while, and then two, because a line or an answer was lost."""
         self._careful_lines_left = _CAREFUL_LINES
         self._has_had_error = True
         self.lines = 1

@@ -192,7 +192,7 @@ class Rig:
             self.port.now,
             on_event=self.controller.on_event,
             before_send=turn,
-            record=self.controller.record,
+            record=self.controller.record_events,
             longest_wait=0.25,
         )
 

@@ -11,7 +11,7 @@ from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendRequested
 from printer_slicer.stream.framing import compute_checksum, frame_with_crc
 from printer_slicer.stream.protocol import Streamer
-from printer_slicer.stream.replies import LineError, Resend, read_reply
+from printer_slicer.stream.replies import LineError, Resend, parse_replies
 from printer_slicer.stream.states import State
 from printer_slicer.stream.unacked_line import LineFate, UnackedLine, is_repeatable
 from printer_slicer.stream.window import Window
@@ -69,7 +69,7 @@ def test_a_firmware_is_recognised_by_its_name(firmware: str, name: str) -> None:
 
 @pytest.mark.parametrize("name", WIRE_DIALECTS)
 def test_its_request_for_a_line_is_understood(name: str) -> None:
-    asked = [reply for line in WIRE_DIALECTS[name].resend_request for reply in read_reply(line.encode())]
+    asked = [reply for line in WIRE_DIALECTS[name].resend_request for reply in parse_replies(line.encode())]
     wanted = [r.number for r in asked if isinstance(r, Resend)]
     wanted += [r.expected_line for r in asked if isinstance(r, LineError)]
 

@@ -15,8 +15,8 @@ from printer_slicer.stream.framing import (
     MAX_LINE_BYTES,
     check_commands,
     compute_checksum,
+    find_max_command_length,
     frame,
-    max_command_length,
 )
 
 COMMANDS = st.binary(min_size=1, max_size=80).filter(lambda c: not set(c) & set(b"\n\r\0"))
@@ -47,7 +47,9 @@ def test_a_command_that_passes_the_check_fits_into_the_line_buffer_whatever_its_
 
     line = frame(number, strip(command))
     assert len(line) <= MAX_LINE_BYTES
-    assert len(strip(command)) <= max_command_length(number, len(line) + 1) + 2  # a checksum may be short
+    assert (
+        len(strip(command)) <= find_max_command_length(number, len(line) + 1) + 2
+    )  # a checksum may be short
 
 
 @pytest.mark.parametrize(

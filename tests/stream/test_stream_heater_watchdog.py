@@ -18,12 +18,12 @@ from printer_slicer.stream.heater_watchdog import HeaterAlarm, HeaterWatchdog, N
 def test_silence_is_an_alarm_only_while_something_is_hot() -> None:
     dog = HeaterWatchdog()
     assert dog.alarm_at == inf
-    assert dog.check(1e6) is None
+    assert dog.check_silence(1e6) is None
 
     dog.on_sent(b"M104 S200", 5.0)
     assert dog.alarm_at == 15.0
-    assert dog.check(14.9) is None
-    alarm = dog.check(15.0)
+    assert dog.check_silence(14.9) is None
+    alarm = dog.check_silence(15.0)
     assert alarm == HeaterAlarm(10.0, (("T", 200.0),))
     assert (
         str(alarm) == "no answer from the printer for 10 s while heaters are on (T 200 °C): check the printer"
@@ -42,12 +42,12 @@ def test_what_the_host_does_by_itself_is_no_sign_of_the_printer() -> None:
 def test_an_alarm_is_raised_once_for_each_silence() -> None:
     dog = HeaterWatchdog()
     dog.on_sent(b"M140 S60", 0.0)
-    assert dog.check(11.0) is not None
-    assert (dog.alarm_at, dog.check(500.0)) == (inf, None)
+    assert dog.check_silence(11.0) is not None
+    assert (dog.alarm_at, dog.check_silence(500.0)) == (inf, None)
 
     dog.on_answer(501.0)
-    assert dog.check(505.0) is None
-    assert dog.check(511.0) == HeaterAlarm(10.0, (("B", 60.0),))
+    assert dog.check_silence(505.0) is None
+    assert dog.check_silence(511.0) == HeaterAlarm(10.0, (("B", 60.0),))
 
 
 def test_answers_and_reports_put_it_off() -> None:
@@ -55,7 +55,7 @@ def test_answers_and_reports_put_it_off() -> None:
     dog.on_sent(b"M190 S60", 0.0)
     for now in range(1, 100, 9):
         assert dog.on_event(Message("echo:busy: processing"), float(now)) is None
-        assert dog.check(now + 9.0) is None
+        assert dog.check_silence(now + 9.0) is None
 
 
 def test_what_is_switched_off_is_not_watched_any_more() -> None:
@@ -147,9 +147,9 @@ def test_whatever_is_sent_the_alarm_comes_at_due_and_not_before(steps: list[tupl
         due = dog.alarm_at
         assert (due == inf) or dog.targets
         if due < inf:
-            assert dog.check(max(due - 1e-3, 0.0)) is None or due <= now
+            assert dog.check_silence(max(due - 1e-3, 0.0)) is None or due <= now
         now += pause
-        alarm = dog.check(now)
+        alarm = dog.check_silence(now)
         assert (alarm is not None) == (due <= now)
         if alarm is None and pause < 5:
             dog.on_answer(now)

@@ -20,7 +20,7 @@ from printer_slicer.stream.replies import (
     Stopped,
     UnknownCommand,
     Wait,
-    read_reply,
+    parse_replies,
 )
 
 MARLIN_ERROR = "Error:Line Number is not Last Line Number+1, Last Line: 5"
@@ -94,7 +94,7 @@ SAID: dict[str, tuple[Reply, ...]] = {
 
 @pytest.mark.parametrize("said", SAID)
 def test_an_answer_is_understood(said: str) -> None:
-    assert read_reply(said.encode()) == SAID[said]
+    assert parse_replies(said.encode()) == SAID[said]
 
 
 @pytest.mark.parametrize(
@@ -111,17 +111,17 @@ def test_an_answer_is_understood(said: str) -> None:
     ],
 )
 def test_the_remains_of_an_answer_are_told_apart_from_text(remains: str, may_reject: bool) -> None:
-    assert read_reply(remains.encode()) == (Garbled(remains.strip(), may_reject),)
+    assert parse_replies(remains.encode()) == (Garbled(remains.strip(), may_reject),)
 
 
 def test_bytes_that_are_no_text_are_remains_and_may_have_been_a_refusal() -> None:
-    assert read_reply(b"o\xeb") == (Garbled("o\ufffd", False),)
-    assert read_reply(b"\x90\x91\x92\x93\x94\x95") == (Garbled("\ufffd" * 6, True),)
+    assert parse_replies(b"o\xeb") == (Garbled("o\ufffd", False),)
+    assert parse_replies(b"\x90\x91\x92\x93\x94\x95") == (Garbled("\ufffd" * 6, True),)
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_at_all_are_too_much(line: bytes) -> None:
-    for reply in read_reply(line.replace(b"\n", b"")):
+    for reply in parse_replies(line.replace(b"\n", b"")):
         assert reply is not None
 
 
@@ -129,6 +129,6 @@ def test_no_bytes_at_all_are_too_much(line: bytes) -> None:
 def test_one_byte_of_a_request_gone_never_makes_it_an_ok(number: int, data: st.DataObject) -> None:
     request = b"Resend: %d" % number
     index = data.draw(st.integers(0, len(request) - 1))
-    replies = read_reply(request[:index] + request[index + 1 :])
+    replies = parse_replies(request[:index] + request[index + 1 :])
 
     assert not any(isinstance(reply, Ok | Message | Temperature) for reply in replies)
