@@ -36,7 +36,7 @@ from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, crossings
 from printer_slicer.healing import repair
 from printer_slicer.inspection.coverage.extrusions import extrusions_of_moves
-from printer_slicer.inspection.coverage.model_check import placed_sections, read_gcode_extrusions
+from printer_slicer.inspection.coverage.model_check import place_sections, read_gcode_extrusions
 from printer_slicer.model import Mesh
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
@@ -102,7 +102,7 @@ def measure_travel(slicer: str, text: bytes, part: Mesh, profile: Profile) -> Fi
         UsageError: the text extrudes nothing.
     """
     deposit, stack = read_gcode_extrusions(text, profile.material.filament_diameter, slicer)
-    stack, sections, _ = placed_sections(part, deposit, stack)
+    stack, sections, _ = place_sections(part, deposit, stack)
     moves = read_moves(split_gcode(text).commands, profile.printer.corners[0])
     beads, laying, _ = extrusions_of_moves(moves, profile.material.filament_diameter)
     is_extrusion = np.zeros(len(moves.speed), np.bool_)

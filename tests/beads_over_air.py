@@ -114,7 +114,7 @@ class Ground:
         lowest = beads.z_top - np.maximum(beads.rise, 0) - beads.height * (1 + _SLACK)
         reach = max(round(beads.usual_width / window.cell), 1)
         around = highest_around(self._top[window.slices_in(self._window)], reach)
-        hanging = around[window.cells(middle)] < lowest[bead]
+        hanging = around[window.rows_and_columns(middle)] < lowest[bead]
         return ConnectedAreas(bead, middle, (beads.length / count)[bead], hanging)
 
     def lay(self, fill: Float, window: CellWindow, z: float, *, support: bool = False) -> None:

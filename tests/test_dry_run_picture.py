@@ -87,7 +87,7 @@ def test_the_timeline_keeps_distance_and_time_however_long_the_print_is() -> Non
         rows[:, 0] = np.arange(first, first + 500)
         rows[:, 4] = rng.uniform(0, 30, 500)
         seconds = rng.uniform(0.01, 3, 500)
-        recorder.feed(rows, seconds)
+        recorder.add_moves(rows, seconds)
         total, distance = total + float(seconds.sum()), distance + float(rows[:, 4].sum())
     line = recorder.close()
 

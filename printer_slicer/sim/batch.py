@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from printer_slicer.motion.rules import Axes, MotionLimits
     from printer_slicer.sim.firmware_state import FirmwareState
     from printer_slicer.sim.machine import Position
-    from printer_slicer.sim.motion_queue import Planned
+    from printer_slicer.sim.motion_queue import PlannedMotion
 
 __all__ = ["Batch", "BatchStart"]
 
@@ -68,7 +68,7 @@ class BatchStart(Struct, frozen=True):
     longest_extrusion: float
     targets: tuple[float, float]
     bed_targets: tuple[float, float]
-    planned: Planned
+    planned: PlannedMotion
     busy_seconds: float
     busy_bytes: int
     commands: int
@@ -119,11 +119,11 @@ class BatchStart(Struct, frozen=True):
             self.state.set_limits(self.limits)
         return found
 
-    def position_report_bytes(self, position: Axes) -> int:
+    def position_report_length(self, position: Axes) -> int:
         """Return the length of a position report (M114) at a position, bytes."""
         state, here = self.state, self.state.position
         state.position = position
-        size = len(state.position_report()) + 1
+        size = len(state.format_position_report()) + 1
         state.position = here
         return size
 
@@ -158,7 +158,7 @@ class Batch(Struct, frozen=True):
     position: Axes
     feed: float
     limits: MotionLimits
-    planned: Planned
+    planned: PlannedMotion
     seconds: float
     fed: float
     retracted: float

@@ -12,9 +12,9 @@ from printer_slicer.sim.heater_commands import set_tool_temperature, wait_for_al
 from printer_slicer.sim.klipper import reject_invalid_numbers
 from printer_slicer.sim.machine import AXES, replace_axis_values
 from printer_slicer.sim.move_commands import (
-    linear_move,
-    linear_move_with_zeros,
     move_in_machine_coordinates,
+    move_straight,
+    move_straight_reading_zeros,
     offset_next_homing,
     probe_bed,
     retract_or_recover,
@@ -99,15 +99,15 @@ def _retract_or_set_tool_temperature(state: FirmwareState, command: Command) -> 
 
 def _move_if_valid(state: FirmwareState, command: Command) -> Steps | None:
     """G0, G1 of Klipper: move, unless the command has an invalid number."""
-    return None if reject_invalid_numbers(state, command) else linear_move(state, command)
+    return None if reject_invalid_numbers(state, command) else move_straight(state, command)
 
 
 DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], Steps | None]]]] = {
     "marlin": {},
     "marlin_legacy": {},
     "prusa": {
-        "G0": linear_move_with_zeros,
-        "G1": linear_move_with_zeros,
+        "G0": move_straight_reading_zeros,
+        "G1": move_straight_reading_zeros,
         "G80": probe_bed,
         "M403": ignore_command,  # filament type for the MMU
         "M862.1": ignore_command,  # checks that nozzle, model and firmware fit the file
@@ -137,8 +137,8 @@ DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], S
         "M572": ignore_command,
     },
     "repetier": {
-        "G0": linear_move_with_zeros,
-        "G1": linear_move_with_zeros,
+        "G0": move_straight_reading_zeros,
+        "G1": move_straight_reading_zeros,
         "@pause": wait_for_person,
         "M201": _set_print_acceleration,
         "M202": _set_travel_acceleration,
@@ -150,8 +150,8 @@ DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], S
         "M208": ignore_command,
     },
     "smoothie": {
-        "G0": linear_move_with_zeros,
-        "G1": linear_move_with_zeros,
+        "G0": move_straight_reading_zeros,
+        "G1": move_straight_reading_zeros,
         "M204": _set_accelerations_of_smoothie,
         "M205": _set_junction_deviation,
         "G53": move_in_machine_coordinates,

@@ -137,7 +137,7 @@ class Faults:
             assert printer is not None
             if on_executed is not None:
                 on_executed(text)
-            layers, z = self._layer_progress(printer)
+            layers, z = self._find_layer_and_height(printer)
             if printer.line_number >= self._line or layers >= self._layer or z >= self._z:
                 self.due = printer.state.now
                 printer.interrupt()
@@ -148,7 +148,7 @@ class Faults:
         """Start and end all faults that are due at `now`, s."""
         printer = self._printer
         assert printer is not None
-        layers, z = self._layer_progress(printer)
+        layers, z = self._find_layer_and_height(printer)
         line = printer.line_number
         starting = [one for one in self._waiting if self._is_due(one, now, line, layers, z)]
         self._waiting = [one for one in self._waiting if not self._is_due(one, now, line, layers, z)]
@@ -173,9 +173,9 @@ class Faults:
                 data = self._corrupt(fault, data, direction)
         return data
 
-    def _layer_progress(self, printer: SimulatedPrinter) -> tuple[int, float]:
+    def _find_layer_and_height(self, printer: SimulatedPrinter) -> tuple[int, float]:
         """Return the current layer, and the height of the last extrusion, mm."""
-        layers, z = printer.layer_progress
+        layers, z = printer.layer_count_and_height
         return (layers if self.current_layer is None else self.current_layer()), z
 
     def _is_due(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
@@ -259,11 +259,11 @@ class Faults:
 
     def _pass_or_lose_reply(self, fault: Fault, reply: bytes) -> bytes:
         """Return a reply, or no bytes if the fault makes it disappear."""
-        return b"" if self._draw_occurrence(fault) else reply
+        return b"" if self._decide_if_affected(fault) else reply
 
     def _corrupt_byte(self, fault: Fault, byte: int) -> bytes:
         """Return the bytes that arrive for one byte while a fault acts."""
-        if not self._draw_occurrence(fault):
+        if not self._decide_if_affected(fault):
             return bytes((byte,))
         if fault.kind == "flip":
             return bytes((byte ^ 1 << self._chance.randrange(8),))
@@ -271,7 +271,7 @@ class Faults:
             return bytes((self._chance.randrange(256), byte))
         return bytes((byte, byte)) if fault.kind == "duplicate" else b""
 
-    def _draw_occurrence(self, fault: Fault) -> bool:
+    def _decide_if_affected(self, fault: Fault) -> bool:
         """Decide at random whether the next byte or reply is affected; end a fault that has reached its count."""
         struck = self._occurrences.get(fault)
         if struck is None or self._chance.random() >= fault.rate:

@@ -210,7 +210,7 @@ class FirmwareState:
     def _schedule_heater_check(self) -> None:
         """Set the alarm for the next check of the heaters after a change of a target or fault."""
         self.hot = False
-        self.set_alarm("heaters", self.heaters.due, self._check_heaters)
+        self.set_alarm("heaters", self.heaters.next_check_time, self._check_heaters)
 
     def _check_heaters(self) -> None:
         """Halt the firmware if a heater is out of control, and set the alarm for the next check."""
@@ -219,21 +219,21 @@ class FirmwareState:
         self.apply_flow_cooling()
         fault = self.heaters.find_fault(self.now)
         if fault is None:
-            self.set_alarm("heaters", self.heaters.due, self._check_heaters)
+            self.set_alarm("heaters", self.heaters.next_check_time, self._check_heaters)
             return
         name, what = fault
         for line in self.firmware.heater_fault_messages:
             self.send_line(line.format(what=what, heater=name))
         self.kill(f"Err: {what.removesuffix(' triggered')}" if "TEMP" in what else what)
 
-    def temperature_report(self) -> str:
+    def format_temperature_report(self) -> str:
         """Return all temperatures in the format of the firmware, such as `T:.. /.. B:.. /.. @:.. B@:..`."""
         self.apply_flow_cooling()
         report = self.heaters.format_temperatures(self.firmware.language, self.now)
-        self.set_alarm("heaters", self.heaters.due, self._check_heaters)
+        self.set_alarm("heaters", self.heaters.next_check_time, self._check_heaters)
         return report
 
-    def position_report(self) -> str:
+    def format_position_report(self) -> str:
         """Return the planned position in program coordinates, and the motor position in steps, as M114 does."""
         x, y, z, e = self.position
         logical = (x + self.offset[0], y + self.offset[1], z + self.offset[2], e)

@@ -88,7 +88,7 @@ class Heater:
         left = now - self._when
         self._when = now
         while left > 0.0:
-            asymptote, tau, edge = self._current_exponential(self._temperature)
+            asymptote, tau, edge = self._find_temperature_curve(self._temperature)
             seconds = _seconds_to_reach(self._temperature, asymptote, tau, edge)
             if seconds >= left:
                 self._temperature = asymptote + (self._temperature - asymptote) * exp(-left / tau)
@@ -135,7 +135,7 @@ class Heater:
         at = self.temperature(now)
         seconds = 0.0
         while at != temperature:
-            asymptote, tau, edge = self._current_exponential(at)
+            asymptote, tau, edge = self._find_temperature_curve(at)
             reach = _seconds_to_reach(at, asymptote, tau, temperature)
             if reach <= (leave := _seconds_to_reach(at, asymptote, tau, edge)):
                 return seconds + reach
@@ -164,7 +164,7 @@ class Heater:
             self.spec.power,
         )
 
-    def _current_exponential(self, at: float) -> tuple[float, float, float]:
+    def _find_temperature_curve(self, at: float) -> tuple[float, float, float]:
         """Return asymptote (°C), time constant (s) and end (°C) of the exponential at the temperature `at`.
 
         The end is the edge of the current range, or the asymptote if the temperature stays in this range.

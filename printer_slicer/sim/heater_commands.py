@@ -127,11 +127,11 @@ def _send_wait_report(state: FirmwareState, rest: str) -> None:
     """Send the temperature report of a wait, with the remaining seconds."""
     language = state.firmware.language
     if language == "klipper":
-        state.send_report(state.temperature_report())
+        state.send_report(state.format_temperature_report())
     elif language == "virtual":
         state.send_report(f"T:{state.hotend.reading(state.now):.2f}")
     else:
-        state.send_report(f" {state.temperature_report()} W:{rest}")
+        state.send_report(f" {state.format_temperature_report()} W:{rest}")
 
 
 def _estimate_arrival(heater: Heater, now: float) -> float:

@@ -71,8 +71,8 @@ class HeaterProtection:
         """Record that the heater has a new target."""
         self._has_arrived = False
         self._cold_since = inf
-        self._require_rise(now)
-        self.due = self._next_check(now)
+        self._require_temperature_rise(now)
+        self.due = self._next_check_time(now)
 
     def record_fault(self, now: float) -> None:
         """Record that a fault has broken or repaired the heater, so that it is checked at once and every second."""
@@ -88,14 +88,14 @@ class HeaterProtection:
         if reading > heater.spec.highest + spec.margin:
             return "MAXTEMP triggered"
         if heater.target <= 0.0:
-            self.due = self._next_check(now)
+            self.due = self._next_check_time(now)
             return ""
         if reading < spec.lowest:
             return "MINTEMP triggered"
         if now >= self._watched_until:
             if reading < self._goal:
                 return "Heating failed"
-            self._require_rise(now)
+            self._require_temperature_rise(now)
         self._has_arrived = self._has_arrived or reading >= heater.target - ARRIVAL_BAND
         if not self._has_arrived or reading >= heater.target - spec.hysteresis:
             self._cold_since = inf
@@ -103,7 +103,7 @@ class HeaterProtection:
             self._cold_since = now
         elif now - self._cold_since > spec.runaway_seconds:
             return "Thermal Runaway"
-        self.due = self._next_check(now)
+        self.due = self._next_check_time(now)
         return ""
 
     def record_reading(self, now: float) -> None:
@@ -117,7 +117,7 @@ class HeaterProtection:
         elif self._has_arrived and reading < heater.target - self._spec.hysteresis:
             self.due = now + CHECK_INTERVAL
 
-    def _require_rise(self, now: float) -> None:
+    def _require_temperature_rise(self, now: float) -> None:
         """Require a rise of the temperature within some time if the target is far above it."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
@@ -126,7 +126,7 @@ class HeaterProtection:
         else:
             self._watched_until = inf
 
-    def _next_check(self, now: float) -> float:
+    def _next_check_time(self, now: float) -> float:
         """Return the time of the next check, s."""
         if self._heater.has_fault or self._cold_since != inf:
             return min(now + CHECK_INTERVAL, self._watched_until)

@@ -97,7 +97,7 @@ class Heaters:
         self.steady = False
 
     @property
-    def due(self) -> float:
+    def next_check_time(self) -> float:
         """Time of the next check of the heater protection, s."""
         return min(protection.due for protection in self.protections.values())
 

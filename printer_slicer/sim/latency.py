@@ -56,6 +56,6 @@ class LatencyTimer:
         ready, self._ready = self._ready, b""
         return ready
 
-    def due(self) -> float:
+    def next_event_time(self) -> float:
         """Return the time at which the timer expires, s; infinite if no bytes wait."""
         return self._due

@@ -59,7 +59,7 @@ class LineErrorReplies:
         if self._firmware.ok_after_resend:
             self._state.send_line("ok")
 
-    def due(self) -> float:
+    def next_event_time(self) -> float:
         """Return the time at which the wait for the rest of a line or a requested line ends, s; infinite for never."""
         reader, firmware = self._reader, self._firmware
         asked = firmware.repeats_resend_request and reader.skipping >= 0 and not reader.has_unread_bytes

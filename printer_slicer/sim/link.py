@@ -65,7 +65,7 @@ class Wire:
         n = len(data)
         if first + (n - 1) * each > now:
             n = int((now - first) / each) + 1
-            # Division and multiplication round differently; `due` multiplies.
+            # Division and multiplication round differently; `next_event_time` multiplies.
             while first + (n - 1) * each > now:
                 n -= 1
             while first + n * each <= now:
@@ -79,7 +79,7 @@ class Wire:
         """Number of bytes that have not arrived yet."""
         return sum(len(chunk.data) for chunk in self._chunks)
 
-    def due(self) -> float:
+    def next_event_time(self) -> float:
         """Return the time at which the next line or chunk has arrived, s; infinite if nothing is in transit."""
         if not self._chunks:
             return inf
@@ -123,7 +123,7 @@ class Cable:
     def read(self, now: float) -> bytes:
         """Simulate until `now`, s, and return the bytes that reach the host.
 
-        Call it at every time that `due` returns; otherwise events occur in the wrong order.
+        Call it at every time that `next_event_time` returns; otherwise events occur in the wrong order.
         """
         while (part := self._to_printer.pop(now)) is not None:
             data, at = part
@@ -146,11 +146,15 @@ class Cable:
                 chip.add_bytes(*part)
         return come if chip is None else chip.release(now)
 
-    def due(self) -> float:
+    def next_event_time(self) -> float:
         """Return the time of the next event, s; infinite if there is none."""
         wakeup = self._printer.wakeup()
-        due = min(self._to_printer.due(), self._to_host.due(), inf if wakeup is None else wakeup)
-        return due if self._chip is None else min(due, self._chip.due())
+        due = min(
+            self._to_printer.next_event_time(),
+            self._to_host.next_event_time(),
+            inf if wakeup is None else wakeup,
+        )
+        return due if self._chip is None else min(due, self._chip.next_event_time())
 
     @property
     def is_full(self) -> bool:
@@ -214,7 +218,7 @@ class VirtualPort:
                 self._check_connection()
             if data or self._now >= deadline:
                 return data
-            self._now = min(deadline, max(self._cable.due(), self._now))
+            self._now = min(deadline, max(self._cable.next_event_time(), self._now))
 
     def close(self) -> None:
         """Close the port; this stops all transfers and the time."""

@@ -15,7 +15,7 @@ from printer_slicer.motion.rules import Axes, Block, Lookahead, MotionLimits
 if TYPE_CHECKING:
     from printer_slicer.sim.statistics import Statistics
 
-__all__ = ["MotionQueue", "Planned"]
+__all__ = ["MotionQueue", "PlannedMotion"]
 
 MAX_UNDERRUN: Final = 2.0
 """Maximum duration of a buffer underrun, s; a longer standstill is a wait for a person or a program."""
@@ -24,7 +24,7 @@ MOVES_TO_START: Final = 3
 """Number of queued moves with which an idle machine starts at once, as in Marlin."""
 
 
-class Planned(NamedTuple):
+class PlannedMotion(NamedTuple):
     """The state of the queue while the machine moves.
 
     Attributes:
@@ -161,7 +161,7 @@ class MotionQueue:
                 seconds = self._lookahead.pop()
                 self._statistics.motion_seconds += seconds
                 if self._statistics.move_log is not None:
-                    self._statistics.move_log.log_start(seconds)
+                    self._statistics.move_log.log_move_start(seconds)
                 self._began = at
                 self.ends = at + seconds
             else:
@@ -184,16 +184,16 @@ class MotionQueue:
             self._rest_position = position
 
     @property
-    def planned(self) -> Planned | None:
+    def planned(self) -> PlannedMotion | None:
         """State of the queue while the machine moves; None while it does not."""
         if not self._running:
             return None
         queue, last, square = self._lookahead.queue_state()
-        return Planned(
+        return PlannedMotion(
             tuple(queue), last, square, tuple(self.targets), self._rest_position, self._began, self.ends
         )
 
-    def skip_to(self, planned: Planned, seconds: float) -> None:
+    def skip_to(self, planned: PlannedMotion, seconds: float) -> None:
         """Replace the queue by its state after further moves, which took `seconds` in total.
 
         The caller must have computed them by the rules of this planner; see `motion.ahead`.

@@ -26,9 +26,9 @@ __all__ = [
     "TABLE",
     "execute_move",
     "find_move_target",
-    "linear_move",
-    "linear_move_with_zeros",
     "move_in_machine_coordinates",
+    "move_straight",
+    "move_straight_reading_zeros",
     "offset_next_homing",
     "probe_bed",
     "retract_or_recover",
@@ -68,7 +68,7 @@ def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> S
     x, y, z, _ = state.position
     target = (x, y, z, state.filament)
     if motion_queue.free_places <= 0:
-        return _push_when_room(state, block, target)
+        return _push_when_place_is_free(state, block, target)
     motion_queue.push(block, target, state.now)
     return None
 
@@ -164,7 +164,7 @@ def _clip_to_machine(state: FirmwareState, goal: Axes, margin: float) -> Axes:
     return x, y, z, goal[3]
 
 
-def _push_when_room(state: FirmwareState, block: Block, target: Axes) -> Steps:
+def _push_when_place_is_free(state: FirmwareState, block: Block, target: Axes) -> Steps:
     """Add a move to the queue as soon as it has a free place; M410 discards a move that waits."""
     motion_queue, stops = state.motion_queue, state.stops
     while motion_queue.free_places <= 0:
@@ -174,18 +174,18 @@ def _push_when_room(state: FirmwareState, block: Block, target: Axes) -> Steps:
     motion_queue.push(block, target, state.now)
 
 
-def linear_move(state: FirmwareState, command: Command) -> Steps | None:
+def move_straight(state: FirmwareState, command: Command) -> Steps | None:
     """G0, G1: move in a straight line."""
     return execute_move(state, [command.value(letter) for letter in "XYZEF"])
 
 
-def linear_move_with_zeros(state: FirmwareState, command: Command) -> Steps | None:
+def move_straight_reading_zeros(state: FirmwareState, command: Command) -> Steps | None:
     """G0, G1 of firmwares that read a letter without a number as 0, because they use C's strtod."""
     zeros = {letter: 0.0 for letter in command.letters_without_number("XYZE") if not command.words[letter]}
     return execute_move(state, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
 
 
-def _arc_move(state: FirmwareState, command: Command) -> Steps | None:
+def _move_along_arc(state: FirmwareState, command: Command) -> Steps | None:
     """G2, G3: move along an arc in the xy plane, given by its centre (I, J) or radius (R)."""
     words = [command.value(letter) for letter in "XYZEF"]
     if words[4] is not None and words[4] > 0.0:
@@ -218,7 +218,7 @@ def _push_chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:
         if block is None:
             continue
         x, y, z, _ = state.position
-        yield from _push_when_room(state, block, (x, y, z, state.filament))
+        yield from _push_when_place_is_free(state, block, (x, y, z, state.filament))
         if state.stops != stops:
             return
 
@@ -236,7 +236,7 @@ def retract_or_recover(state: FirmwareState, command: Command) -> Steps | None:
     block = _prepare_block(state, (x, y, z, e - length if back else e + length + extra))
     state.feed, state.position, state.e_ratio = feed, position, ratio
     state.motion_queue.advance(state.now)
-    return None if block is None else _push_when_room(state, block, (x, y, z, state.filament))
+    return None if block is None else _push_when_place_is_free(state, block, (x, y, z, state.filament))
 
 
 def _dwell(state: FirmwareState, command: Command) -> Steps:
@@ -277,7 +277,7 @@ def _home_axes(state: FirmwareState, command: Command) -> Steps:
     state.statistics.homing_seconds += state.now - began
     state.update_clipping()
     if state.firmware.language == "marlin":
-        state.send_line(state.position_report())
+        state.send_line(state.format_position_report())
 
 
 def probe_bed(state: FirmwareState, command: Command) -> Steps | None:
@@ -345,7 +345,7 @@ def _set_position(state: FirmwareState, command: Command) -> None:
     new = [named[letter] - here if letter in named else old for letter, here, old in at]
     state.offset = (new[0], new[1], new[2])
     if state.firmware.language == "marlin":
-        state.send_line(state.position_report())
+        state.send_line(state.format_position_report())
 
 
 def _set_home_offset(state: FirmwareState, command: Command) -> None:
@@ -375,7 +375,9 @@ def _shift_axis(position: Position, axis: int, by: float) -> Position:
 def move_in_machine_coordinates(state: FirmwareState, command: Command) -> Steps | None:
     """G53: execute the move that follows on the same line in machine coordinates."""
     inner = Command(command.rest, any_case=state.firmware.any_case)
-    move = {"G0": linear_move, "G1": linear_move, "G2": _arc_move, "G3": _arc_move}.get(inner.code)
+    move = {"G0": move_straight, "G1": move_straight, "G2": _move_along_arc, "G3": _move_along_arc}.get(
+        inner.code
+    )
     if move is None:
         return None
     offset, state.offset = state.offset, (0.0, 0.0, 0.0)
@@ -415,10 +417,10 @@ def _set_units(state: FirmwareState, command: Command) -> None:
 
 
 TABLE: Final = {
-    "G0": linear_move,
-    "G1": linear_move,
-    "G2": _arc_move,
-    "G3": _arc_move,
+    "G0": move_straight,
+    "G1": move_straight,
+    "G2": _move_along_arc,
+    "G3": _move_along_arc,
     "G4": _dwell,
     "G10": retract_or_recover,
     "G11": retract_or_recover,

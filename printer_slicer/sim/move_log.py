@@ -42,7 +42,7 @@ class MoveLog:
         x, y, z, e = end
         self._rows.extend((command, start[0], start[1], start[2], x, y, z, e - start[3], speed))
 
-    def log_start(self, seconds: float) -> None:
+    def log_move_start(self, seconds: float) -> None:
         """Log the start of the oldest waiting move, which takes `seconds`."""
         self._seconds.append(seconds)
         if len(self._seconds) >= CHUNK_ROWS:

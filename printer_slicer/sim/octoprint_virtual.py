@@ -13,7 +13,7 @@ __all__ = ["TABLE"]
 
 def _report_position(state: FirmwareState, _: Command) -> None:
     """M114: report the position in the same line as the ok."""
-    state.ok_tail = " " + state.position_report()
+    state.ok_tail = " " + state.format_position_report()
 
 
 def _mute_replies(state: FirmwareState, command: Command) -> None:

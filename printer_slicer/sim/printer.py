@@ -128,7 +128,7 @@ class SimulatedPrinter:
         return self._statistics.lines if self._line is None else self._line
 
     @property
-    def layer_progress(self) -> tuple[int, float]:
+    def layer_count_and_height(self) -> tuple[int, float]:
         """Number of heights with extrusion, and the height of the last extrusion, mm."""
         return self._statistics.n_layers, self._statistics.z
 
@@ -267,7 +267,7 @@ class SimulatedPrinter:
         if idle and self._next_wait <= now:
             state.send_report("wait")
             self._next_wait = now + self._firmware.wait_seconds
-        if not self._waits_forever and self._line_errors.due() <= now:
+        if not self._waits_forever and self._line_errors.next_event_time() <= now:
             self._line_errors.discard_partial_line(now)
 
     def _next_event(self) -> float:
@@ -290,7 +290,7 @@ class SimulatedPrinter:
 
     def _next_firmware_event(self, state: FirmwareState) -> float:
         """Return the time of the next event of the firmware, s; infinite without one."""
-        due = state.due if self._waits_forever else min(state.due, self._line_errors.due())
+        due = state.due if self._waits_forever else min(state.due, self._line_errors.next_event_time())
         if self._steps is not None:
             due = min(due, max(self._resume_at, self._ready), self._next_busy)
         elif not (self._queue or self._reader.has_unread_bytes):

@@ -61,7 +61,7 @@ class Clock:
         """Advance the simulated time to at least `moment`, s."""
         self._skipped += max(moment - self.now(), 0.0)
 
-    def real_seconds(self, moment: float) -> float:
+    def real_seconds_until(self, moment: float) -> float:
         """Return the real time until the simulated time `moment`, s."""
         return max(moment - self.now(), 0.0) / self._rate
 
@@ -72,9 +72,9 @@ def exchange_bytes(
     """Exchange bytes between printer and host until `stop` returns True; it is called about 20 times a second."""
     unsent = b""
     while not stop():
-        due = cable.due()
+        due = cable.next_event_time()
         jump = clock.skips and printer.has_unanswered_command and due < inf
-        wait = 0.0 if jump else min(clock.real_seconds(due), LONGEST_WAIT)
+        wait = 0.0 if jump else min(clock.real_seconds_until(due), LONGEST_WAIT)
         received = b""
         if host.wait(wait, reads=not cable.is_full, writes=bool(unsent)):
             received = host.read()
@@ -84,7 +84,7 @@ def exchange_bytes(
             clock.skip_to(due)
         now = clock.now()
         # Step through all events of the cable.
-        while (due := cable.due()) <= now:
+        while (due := cable.next_event_time()) <= now:
             unsent += cable.read(due)
         unsent = (unsent + cable.read(now))[-MAX_UNREAD_BYTES:]
         if unsent:

@@ -17,7 +17,7 @@ __all__ = ["TABLE", "ignore_command", "positive_values", "set_accelerations"]
 
 def _report_temperatures(state: FirmwareState, _: Command) -> None:
     """M105: report the temperatures in the same line as the ok."""
-    state.ok_tail = " " + state.temperature_report()
+    state.ok_tail = " " + state.format_temperature_report()
 
 
 def _parse_interval(command: Command) -> int | None:
@@ -30,7 +30,7 @@ def _set_temperature_reports(state: FirmwareState, command: Command) -> None:
     """M155: report the temperatures every S seconds."""
     seconds = _parse_interval(command)
     if seconds is not None:
-        state.report_every("temperatures", seconds, lambda: " " + state.temperature_report())
+        state.report_every("temperatures", seconds, lambda: " " + state.format_temperature_report())
 
 
 def _set_position_reports(state: FirmwareState, command: Command) -> None:
@@ -40,7 +40,7 @@ def _set_position_reports(state: FirmwareState, command: Command) -> None:
         return
     seconds = _parse_interval(command)
     if seconds is not None:
-        state.report_every("position", seconds, state.position_report)
+        state.report_every("position", seconds, state.format_position_report)
 
 
 def _set_busy_reports(state: FirmwareState, command: Command) -> None:
@@ -69,7 +69,7 @@ def _emergency_stop(state: FirmwareState, _: Command) -> None:
 
 def _report_position(state: FirmwareState, _: Command) -> None:
     """M114: report the position."""
-    state.send_line(state.position_report())
+    state.send_line(state.format_position_report())
 
 
 def _report_firmware(state: FirmwareState, _: Command) -> None:

@@ -121,7 +121,7 @@ class _TcpConnection:
         wants = [self._listener, *(mine if reads else [])]
         readable, ready, _ = select.select(wants, mine if writes or self._outgoing else [], [], seconds)
         if ready and self._outgoing:
-            self._send_outgoing()
+            self._send_outgoing_bytes()
         if self._listener in readable:
             self._accept_host()
         self._admit_waiting_host()
@@ -147,17 +147,17 @@ class _TcpConnection:
             self.close()
             return b""
         self._outgoing += self._encoder.take_answers()
-        self._send_outgoing()
+        self._send_outgoing_bytes()
         return data
 
     def write(self, data: bytes) -> int:
         """Send bytes to the host; return the number accepted. Without a host, bytes are lost, as at a closed port."""
         if self._host is None:
             return len(data)
-        if not self._send_outgoing() or len(self._outgoing) >= CHUNK_BYTES:
+        if not self._send_outgoing_bytes() or len(self._outgoing) >= CHUNK_BYTES:
             return 0
         self._outgoing += data if self._encoder is None else self._encoder.encode(data)
-        self._send_outgoing()
+        self._send_outgoing_bytes()
         return len(data)
 
     def disconnect_all(self) -> None:
@@ -173,7 +173,7 @@ class _TcpConnection:
         self._host = self._encoder = None
         self._outgoing = b""
 
-    def _send_outgoing(self) -> bool:
+    def _send_outgoing_bytes(self) -> bool:
         """Send as many outgoing bytes as possible; return False if the host has disconnected."""
         assert self._host is not None
         try:
@@ -211,4 +211,4 @@ class _TcpConnection:
         if self._telnet is not None:
             self._encoder = self._telnet()
             self._outgoing = self._encoder.take_answers()
-            self._send_outgoing()
+            self._send_outgoing_bytes()

@@ -77,7 +77,7 @@ class Pluggable:
                 if end and select.select([end[0]], [], [], 0)[0]:
                     self._cable.write(os.read(end[0], 4096), now)
             said = b""
-            while (due := self._cable.due()) <= now:
+            while (due := self._cable.next_event_time()) <= now:
                 said += self._cable.read(due)
             said += self._cable.read(now)
             with suppress(OSError):

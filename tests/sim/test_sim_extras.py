@@ -153,14 +153,14 @@ def test_extruding_cools_the_nozzle_a_little() -> None:
 def test_a_chip_passes_every_byte_in_order_within_its_time(pieces: list[tuple[float, bytes]]) -> None:
     chip, now, came, sent = LatencyTimer(0.016), 0.0, b"", b""
     for pause, data in pieces:
-        while chip.due() <= now + pause:
-            came += chip.release(chip.due())
+        while chip.next_event_time() <= now + pause:
+            came += chip.release(chip.next_event_time())
         now += pause
         chip.add_bytes(data, now)
         sent += data
         came += chip.release(now)
         assert len(sent) - len(came) < PACKET_BYTES
-        assert sent == came or chip.due() <= now + 0.016 + 1e-9
+        assert sent == came or chip.next_event_time() <= now + 0.016 + 1e-9
     came += chip.release(now + 1.0)
 
     assert came == sent

@@ -74,7 +74,7 @@ def test_what_is_due_is_there(data: bytes, baud: int, started: float) -> None:
     wire = Wire(baud)
     wire.push(data, started)
     heard = b""
-    while (due := wire.due()) < float("inf"):
+    while (due := wire.next_event_time()) < float("inf"):
         part = wire.pop(due)
         assert part is not None
         heard += part[0]

@@ -164,7 +164,7 @@ def _match_model(
 ) -> tuple[Stack, Areas | None, Match | None]:
     """Return the layers of the file, and if there is a model, its sections in these layers and how well they match."""
     from printer_slicer.cli.models import load_repaired_plate
-    from printer_slicer.inspection.coverage.model_check import placed_sections
+    from printer_slicer.inspection.coverage.model_check import place_sections
     from printer_slicer.profile import load_profile
 
     if not arguments.models:
@@ -172,7 +172,7 @@ def _match_model(
     mesh, plate, _ = load_repaired_plate(arguments, load_profile().printer, report)
     is_placed = arguments.center or arguments.as_placed or not arguments.drop
     report("matching")
-    return placed_sections(mesh, deposit, stack, plate.placement if is_placed else None)
+    return place_sections(mesh, deposit, stack, plate.placement if is_placed else None)
 
 
 def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: StageReport) -> tuple[int, str]:

@@ -144,7 +144,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     from printer_slicer.inspection.dry_run.comparison import Comparison
     from printer_slicer.inspection.dry_run.judging import judge
-    from printer_slicer.inspection.dry_run.runner import layer_counter
+    from printer_slicer.inspection.dry_run.runner import make_layer_counter
 
     _check_options(arguments)
     faults = read_faults(arguments)
@@ -152,7 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
     job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
-        faults.current_layer = layer_counter(job, comparison)
+        faults.current_layer = make_layer_counter(job, comparison)
     report = _build_and_serve(arguments, profile, comparison, faults)
     result = {
         **as_dict(report),

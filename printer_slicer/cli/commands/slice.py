@@ -33,7 +33,7 @@ from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.errors import PartError, UsageError
 
 if TYPE_CHECKING:
-    from printer_slicer.inspection.deposition.unsupported import Unsupported
+    from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion
     from printer_slicer.model import LayerPlan, Program
     from printer_slicer.profile import Profile
 
@@ -259,14 +259,14 @@ def _reject_model_suffix(output: Path) -> None:
         )
 
 
-def _unsupported_warnings(found: Sequence[Unsupported]) -> list[str]:
+def _unsupported_warnings(found: Sequence[UnsupportedExtrusion]) -> list[str]:
     """Return a warning if unsupported extrusion was found; otherwise an empty list."""
-    from printer_slicer.inspection.deposition.unsupported import describe
+    from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
-    return [f"{describe(found)}; {_UNSUPPORTED_REMEDY}"] if found else []
+    return [f"{describe_unsupported(found)}; {_UNSUPPORTED_REMEDY}"] if found else []
 
 
-def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
+def _unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
     """Return the facts about unsupported extrusion for JSON: one entry per height, lengths in mm."""
     return [
         {
@@ -282,17 +282,17 @@ def _unsupported_facts(found: Sequence[Unsupported]) -> list[dict[str, Any]]:
     ]
 
 
-def _reject_unsupported(name: str, found: Sequence[Unsupported]) -> None:
+def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> None:
     """Reject unsupported extrusion, for --strict without --allow unsupported.
 
     Raises:
         PartError: there is unsupported extrusion.
     """
-    from printer_slicer.inspection.deposition.unsupported import describe
+    from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
     if found:
         raise PartError(
-            f"{name}: {describe(found)}",
+            f"{name}: {describe_unsupported(found)}",
             remedy="Rotate the part, add supports to the model, or use --allow unsupported; without --strict, "
             "unsupported extrusion causes only a warning",
         )

@@ -67,8 +67,8 @@ def measure_fill(
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    deep_layers, cell = _DeepLayers(stack, of_part), _cell_width_around(beads)
-    reach, rows = _window_reach(beads, cell), make_scan_lines(core, cell)
+    deep_layers, cell = _SharedLayers(stack, of_part), _cell_width_around(beads)
+    reach, rows = _window_reach_in_cells(beads, cell), make_scan_lines(core, cell)
     for k in range(n):
         # Higher extrusions that reach down to this layer fill it, too.
         selected = (
@@ -83,7 +83,7 @@ def measure_fill(
         mean = window_mean(fill, reach)
         overlap[k] = float((mean > overlap_ratio).sum()) * cell**2
         i, j = divmod(int(mean.argmax()), window.wide)
-        most[k], place[k] = mean[i, j], window.middle(i, j)
+        most[k], place[k] = mean[i, j], window.cell_middle(i, j)
         if area_to_fill[k] > _MIN_SHELL_AREA:
             fill_in_shell = fill * (1 - covered_share(rows, k, window))
             shell[k] = float(fill_in_shell.sum()) * cell**2 / area_to_fill[k]
@@ -94,7 +94,8 @@ def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, 
     """Return where the extrusions of a layer overlap, as areas of one layer; cells in a row form a rectangle."""
     window = _window_around(cell, beads)
     is_overlap = (
-        window_mean(rasterize_fill(beads, window, layer_height), _window_reach(beads, cell)) > overlap_ratio
+        window_mean(rasterize_fill(beads, window, layer_height), _window_reach_in_cells(beads, cell))
+        > overlap_ratio
     )
     steps = np.diff(np.pad(is_overlap, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(steps > 0)
@@ -106,7 +107,7 @@ def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, 
     return normalize(Areas(corners, np.arange(n_rings + 1) * 4, np.zeros(n_rings, np.int64), 1))
 
 
-class _DeepLayers:
+class _SharedLayers:
     """Extrusions of the deep layers; `deep` (L,) is the mask of layers filled by extrusions of several layers."""
 
     def __init__(self, stack: Stack, of_part: Bool) -> None:
@@ -133,7 +134,7 @@ def _cell_width_around(beads: Extrusions) -> float:
     return choose_cell_width(ends.min(axis=0), ends.max(axis=0))
 
 
-def _window_reach(beads: Extrusions, cell: float) -> int:
+def _window_reach_in_cells(beads: Extrusions, cell: float) -> int:
     """Return the number of cells on each side of the middle of a window as wide as a usual extrusion."""
     return max(round((beads.usual_width / cell - 1) / 2), 1)
 

@@ -90,7 +90,7 @@ def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
     """
     beads, comment_height = stack.beads, gcode.beads.height
     outside_stack = stack.layer < 0
-    new_tops = _new_heights(
+    new_tops = _find_unknown_heights(
         beads.z_top[outside_stack & (beads.purpose == Purpose.SUPPORT_MATERIAL)], stack.top
     )
     top = np.concatenate([stack.top, new_tops])
@@ -109,7 +109,7 @@ def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
     return FileLayers(replace(beads, height=height), level, top, bottom, of_stack)
 
 
-def _new_heights(z: Float, known: Float) -> Float:
+def _find_unknown_heights(z: Float, known: Float) -> Float:
     """Return the heights in `z` that are not in `known`, merging those that differ by rounding."""
     values = np.unique(np.round(z[z > _SAME_HEIGHT], 4))
     values = values[np.append(np.diff(values) > _SAME_HEIGHT, True)[: len(values)]]

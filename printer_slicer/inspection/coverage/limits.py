@@ -97,19 +97,19 @@ def find_nearest_to_limit(
     The share is 0 for a perfect layer and 1 at the limit.
     """
     measures = list(_list_measures(coverage, limits))
-    nearness = np.nan_to_num([np.where(coverage.stack.ramps, 0.0, one.nearness) for one in measures])
+    nearness = np.nan_to_num([np.where(coverage.stack.is_spiral_end, 0.0, one.nearness) for one in measures])
     row, layer = np.unravel_index(int(nearness.argmax()), nearness.shape)
     return _make_diagnostic(coverage, measures[row], np.array([layer])), float(nearness[row, layer])
 
 
-def _share_of(amount: Float, limit: float) -> Float:
+def _limit_usage(amount: Float, limit: float) -> Float:
     """Return amounts (L,) as shares of their limit; infinite for any amount if the limit is 0."""
     return np.divide(amount, limit) if limit > 0 else np.where(amount > 0, _INFINITE, 0.0)
 
 
 def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each run of consecutive layers beyond the limit."""
-    exceeding = np.flatnonzero(measure.exceeds & ~coverage.stack.ramps)
+    exceeding = np.flatnonzero(measure.exceeds & ~coverage.stack.is_spiral_end)
     if not len(exceeding):
         return
     cuts = [0, *(np.flatnonzero(np.diff(exceeding) > 1) + 1).tolist(), len(exceeding)]
@@ -145,7 +145,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "uncovered",
         share,
         (share > limits.uncovered) & (uncovered > _MIN_AREA),
-        np.minimum(_share_of(share, limits.uncovered), uncovered / _MIN_AREA),
+        np.minimum(_limit_usage(share, limits.uncovered), uncovered / _MIN_AREA),
         limits.uncovered,
         lambda k: f"{uncovered[k]:.1f} mm² ({share[k]:.0%}) of the shell are not covered",
         lambda k: place_of_largest_area(coverage.uncovered, k),
@@ -155,7 +155,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "outside",
         outside,
         outside > limits.outside,
-        _share_of(outside, limits.outside),
+        _limit_usage(outside, limits.outside),
         limits.outside,
         lambda k: f"{outside[k]:.1f} mm² are printed outside the outline of the part",
         lambda k: place_of_largest_area(coverage.outside, k),
@@ -166,7 +166,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
         "overlap",
         overlap_share,
         (overlap_share > limits.overlap) & (fill.overlap > _MIN_AREA),
-        np.minimum(_share_of(overlap_share, limits.overlap), fill.overlap / _MIN_AREA),
+        np.minimum(_limit_usage(overlap_share, limits.overlap), fill.overlap / _MIN_AREA),
         limits.overlap,
         lambda k: (
             f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({overlap_share[k]:.0%} of the layer),"
@@ -186,7 +186,7 @@ def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
         "outline",
         outline.p95,
         (outline.p95 > limits.outline) & (size > _MIN_AREA),
-        np.minimum(_share_of(outline.p95, limits.outline), size / _MIN_AREA),
+        np.minimum(_limit_usage(outline.p95, limits.outline), size / _MIN_AREA),
         limits.outline,
         lambda k: (
             f"outline error {outline.p95[k]:.2f} mm (95th percentile), at most {outline.largest[k]:.2f} mm"
@@ -240,7 +240,7 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
         "unsupported",
         length,
         length > limits.unsupported,
-        _share_of(length, limits.unsupported),
+        _limit_usage(length, limits.unsupported),
         limits.unsupported,
         lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
         lambda k: (float(place[k, 0]), float(place[k, 1])),

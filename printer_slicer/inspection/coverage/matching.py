@@ -14,7 +14,7 @@ from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.values import Struct
 
-__all__ = ["Match", "find_detached", "fit_sections", "guess_shift", "shift_areas"]
+__all__ = ["Match", "find_detached_extrusions", "fit_sections", "guess_shift", "shift_areas"]
 
 _N_POINTS: Final = 10_000  # enough for a shift exact to a micrometre
 _MIN_SHARE: Final = 0.05  # of all points that must be near outlines
@@ -110,7 +110,7 @@ def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
     return Match((float(shift[0]), float(shift[1])), float(np.median(errors)), float((errors < half).mean()))
 
 
-def find_detached(stack: Stack, sections: Areas) -> Bool:
+def find_detached_extrusions(stack: Stack, sections: Areas) -> Bool:
     """Return a mask (B,) of extrusions of unknown role whose path stays away from the section of its layer."""
     beads, layer = stack.beads, stack.layer
     result = np.zeros(beads.n_beads, np.bool_)

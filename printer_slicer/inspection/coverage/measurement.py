@@ -12,7 +12,7 @@ from printer_slicer.deprecation import accept_former_fields, renamed_attribute
 from printer_slicer.geometry import Areas, difference, offset, offset_open, union
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.fill import LayerFill, measure_fill, overlap_cells
-from printer_slicer.inspection.coverage.outline import OutlineError, outline_error
+from printer_slicer.inspection.coverage.outline import OutlineDistances, measure_outline_distances
 from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
 from printer_slicer.inspection.coverage.zones import (
     exposed_areas,
@@ -22,7 +22,7 @@ from printer_slicer.inspection.coverage.zones import (
     shell_depth,
 )
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
-from printer_slicer.inspection.deposition.unsupported import Unsupported, UnsupportedTracker
+from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, UnsupportedTracker
 from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Coverage", "CoverageRules", "coverage_of", "find_overlaps"]
@@ -88,9 +88,9 @@ class Coverage(Struct, frozen=True, eq=False):
     covered: Areas
     uncovered: Areas
     outside: Areas
-    outline: OutlineError
+    outline: OutlineDistances
     fill: LayerFill
-    unsupported: tuple[Unsupported, ...]
+    unsupported: tuple[UnsupportedExtrusion, ...]
     volume: Float
     section_volume: Float
     by_purpose: Float
@@ -139,7 +139,7 @@ def coverage_of(
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed_areas(sections, stack.top, stack.bottom, rules.surface_depth)
     # A spiral is a wall without top, bottom and infill.
-    open_to_air = open_to_air.of_layers(~stack.rising)
+    open_to_air = open_to_air.of_layers(~stack.has_rising_z)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
     split_stack, source = split_thick_extrusions(stack)
@@ -171,7 +171,7 @@ def coverage_of(
     )
 
 
-def _find_unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
+def _find_unsupported(stack: Stack, sections: Areas) -> tuple[UnsupportedExtrusion, ...]:
     """Find unsupported extrusion near the part, as `slice`, `print` and a dry run do."""
     beads, n_beads = stack.beads, stack.beads.n_beads
     # Extrusion before the first layer of the part primes the nozzle.
@@ -192,14 +192,14 @@ def _find_unsupported(stack: Stack, sections: Areas) -> tuple[Unsupported, ...]:
     tracker = UnsupportedTracker(((left, front), (right, back)), 1.0, marks)
     start = np.column_stack([beads.begin, beads.z_top - beads.rise])
     end = np.column_stack([beads.end, beads.z_top])
-    tracker.feed(np.arange(n_beads) + 1, start, end, beads.volume)
+    tracker.add_moves(np.arange(n_beads) + 1, start, end, beads.volume)
     return tracker.close()
 
 
-def _measure_outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineError:
+def _measure_outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineDistances:
     """Measure the distances between the outlines of the part and of the print."""
     part, printed = (remove_narrow_gaps(one, rules.min_gap) for one in (sections, body))
-    return outline_error(part, printed, _MAX_ISLAND_SQUARES * stack.beads.usual_width**2)
+    return measure_outline_distances(part, printed, _MAX_ISLAND_SQUARES * stack.beads.usual_width**2)
 
 
 def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Areas) -> tuple[Areas, Float]:
@@ -207,7 +207,7 @@ def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Area
     # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
     area_to_fill = np.maximum(_areas_to_fill(sections, stack, depth).area() - inner.area(), 0.0)
-    return inner.of_layers(~stack.rising), area_to_fill
+    return inner.of_layers(~stack.has_rising_z), area_to_fill
 
 
 def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
@@ -227,11 +227,11 @@ def _classify_extrusions(stack: Stack, sections: Areas, beside: Bool | None) -> 
     """Return masks (B,) of the extrusions of the part, and of those with a role of the part but far from it."""
     of_part = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
     of_part &= True if beside is None else ~beside
-    astray = of_part & _find_far_off(stack.beads, sections)
+    astray = of_part & _find_distant_extrusions(stack.beads, sections)
     return of_part & ~astray, astray
 
 
-def _find_far_off(beads: Extrusions, sections: Areas) -> Bool:
+def _find_distant_extrusions(beads: Extrusions, sections: Areas) -> Bool:
     """Return a mask (B,) of extrusions that start or end far from every section; none if there are no sections."""
     if not sections.n_rings:
         return np.zeros(beads.n_beads, np.bool_)

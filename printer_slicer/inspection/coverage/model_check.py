@@ -18,7 +18,7 @@ from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions,
 from printer_slicer.inspection.coverage.limits import CoverageLimits, findings
 from printer_slicer.inspection.coverage.matching import (
     Match,
-    find_detached,
+    find_detached_extrusions,
     fit_sections,
     guess_shift,
     shift_areas,
@@ -33,7 +33,7 @@ from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
 from printer_slicer.values import Struct, field, replace
 
-__all__ = ["Check", "CheckOptions", "check_gcode", "placed_sections", "read_gcode_extrusions"]
+__all__ = ["Check", "CheckOptions", "check_gcode", "place_sections", "read_gcode_extrusions"]
 
 _RESOLUTION: Final = 0.005  # mm; sections for measurements are finer than printed ones
 _CUT_OFFSET: Final = (
@@ -125,7 +125,7 @@ def check_gcode(
     report("matching")
     part, stack, sections, match = _match_part(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
-    coverage = coverage_of(stack, sections, asked.rules, find_detached(stack, sections))
+    coverage = coverage_of(stack, sections, asked.rules, find_detached_extrusions(stack, sections))
     return Check(
         name,
         coverage,
@@ -161,7 +161,7 @@ def read_gcode_extrusions(
     return deposit, stack
 
 
-def placed_sections(
+def place_sections(
     mesh: Mesh, deposit: GcodeExtrusions, stack: Stack, placement: Placement | None = None
 ) -> tuple[Stack, Areas, Match]:
     """Return the sections of a part at its position in a file, and the quality of the fit.
@@ -188,14 +188,14 @@ def _match_part(
 ) -> tuple[Mesh, Stack, Areas, Match]:
     """Return the part at its position, its layers, its section in each layer, and the quality of the fit."""
     part = _place_part(mesh, stack, placement)
-    pair = _cut_twice(part, stack)
+    pair = _cut_below_and_above_middle(part, stack)
     match = _fit_position(stack, pair[0], is_searched=placement is None)
     part = part.moved((*match.shift, 0.0))
     near = _find_extrusions_near(part, beads)
     new_stack = stack_extrusions(beads, near)
     if near.any() and not np.array_equal(new_stack.top, stack.top):
         # Extrusions beside the part, such as a priming line, caused extra layers.
-        stack, pair = new_stack, _cut_twice(part, new_stack)
+        stack, pair = new_stack, _cut_below_and_above_middle(part, new_stack)
     else:
         pair = (shift_areas(pair[0], match.shift), shift_areas(pair[1], match.shift))
     x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
@@ -217,7 +217,7 @@ def _place_part(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
     return mesh.moved(shift)
 
 
-def _cut_twice(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
+def _cut_below_and_above_middle(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
     """Return the sections just below and just above the middle of each layer."""
     middle = (stack.top + stack.bottom) / 2
     low, high = (

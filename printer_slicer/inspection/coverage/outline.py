@@ -11,7 +11,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["OutlineError", "outline_error", "sample_outlines"]
+__all__ = ["OutlineDistances", "measure_outline_distances", "sample_outlines"]
 
 _MAX_SPACING: Final = 0.5  # mm, largest spacing of samples along an outline
 _MAX_DIFFERENCE: Final = 0.005  # mm; more samples where the distances of neighbours differ by more
@@ -19,7 +19,7 @@ _REFINEMENT: Final = 8  # number of samples instead of one there
 _IGNORED_LENGTH: Final = 3.0  # mm of both outlines, for tips of fins that are narrower than any line
 
 
-class OutlineError(Struct, frozen=True, eq=False):
+class OutlineDistances(Struct, frozen=True, eq=False):
     """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
 
     Attributes:
@@ -38,7 +38,7 @@ class OutlineError(Struct, frozen=True, eq=False):
         force_setattr(self, "place", frozen_array(self.place, np.float64, (len(self.p95), 2)))
 
 
-def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineError:
+def measure_outline_distances(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineDistances:
     """Return the distances of samples on each outline from the other, layer by layer.
 
     Args:
@@ -50,7 +50,7 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     taken between them. This happens at corners, which no extrusion fills, and makes the share of their length exact.
     """
     n = sections.n_layers
-    nothing = OutlineError(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
+    nothing = OutlineDistances(np.full(n, np.nan), np.full(n, np.nan), np.full((n, 2), np.nan))
     if not (sections.n_rings and printed.n_rings):
         return nothing
     low = np.minimum(sections.xy.min(axis=0), printed.xy.min(axis=0))
@@ -76,7 +76,7 @@ def outline_error(sections: Areas, printed: Areas, speck: float = 0.0) -> Outlin
     p95, largest, place = nothing.p95.copy(), nothing.largest.copy(), nothing.place.copy()
     p95[used], largest[used] = distance[np.minimum(quantile_index, last)], distance[last]
     place[used] = points[order[last]]
-    return OutlineError(p95, largest, place)
+    return OutlineDistances(p95, largest, place)
 
 
 def _measure_distances(areas: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:

@@ -61,7 +61,7 @@ class CellWindow(Struct, frozen=True):
         i, j = self.front - other.front, self.left - other.left
         return slice(i, i + self.deep), slice(j, j + self.wide)
 
-    def cells(self, points: Float) -> tuple[Int, Int]:
+    def rows_and_columns(self, points: Float) -> tuple[Int, Int]:
         """Return row and column of points (P, 2) mm, clipped to the window."""
         j = np.clip(np.floor(points[:, 0] / self.cell).astype(np.int64) - self.left, 0, self.wide - 1)
         i = np.clip(np.floor(points[:, 1] / self.cell).astype(np.int64) - self.front, 0, self.deep - 1)
@@ -74,7 +74,7 @@ class CellWindow(Struct, frozen=True):
         high = ((self.left + self.wide, self.front + self.deep) - ends).min(initial=np.inf)
         return max(float(min(low, high)) - 1.0, 1.0) * self.cell
 
-    def middle(self, i: int, j: int) -> tuple[float, float]:
+    def cell_middle(self, i: int, j: int) -> tuple[float, float]:
         """Return x and y of the middle of a cell, mm."""
         return (self.left + j + 0.5) * self.cell, (self.front + i + 0.5) * self.cell
 

@@ -81,7 +81,7 @@ class Stack(Struct, frozen=True, eq=False):
         return self.top - self.bottom
 
     @property
-    def rising(self) -> Bool:
+    def has_rising_z(self) -> Bool:
         """Mask (L,) of layers printed mostly while z rises; in a spiral vase, of all layers above them, too."""
         own = self.layer >= 0
         length = self.beads.length * np.where(np.abs(self.beads.rise) >= _MAX_FLAT_RISE, 1.0, -0.9)
@@ -93,14 +93,14 @@ class Stack(Struct, frozen=True, eq=False):
     @property
     def spiral(self) -> bool:
         """Whether the print is a spiral vase."""
-        return 2 * int(self.rising.sum()) > self.n_layers
+        return 2 * int(self.has_rising_z.sum()) > self.n_layers
 
     @property
-    def ramps(self) -> Bool:
+    def is_spiral_end(self) -> Bool:
         """Mask (L,) of the first and last turn of a spiral, where the extrusion height starts or ends at 0."""
         result = np.zeros(self.n_layers, np.bool_)
         if self.spiral:
-            result[np.flatnonzero(self.rising)[[0, -1]]] = True
+            result[np.flatnonzero(self.has_rising_z)[[0, -1]]] = True
         return result
 
 
@@ -159,9 +159,9 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
     """
     of_part = ~np.isin(beads.purpose, NOT_PART) if part is None else part
     of_part = of_part & (beads.z_top > _SAME_HEIGHT)  # extrusions at or below z = 0 have no height
-    flat = _find_flat(beads, of_part)
+    flat = _find_flat_extrusions(beads, of_part)
     levels = _distinct_heights(beads.z_top[of_part & flat])
-    has_rim = _ends_with_rim(levels, beads, of_part & ~flat)
+    has_rim = _ends_with_flat_turn(levels, beads, of_part & ~flat)
     levels = levels[:-1] if has_rim else levels
     above = beads.z_top > levels.max(initial=0.0) + _SAME_HEIGHT
     edges = _turn_heights(beads.take(np.flatnonzero(of_part & ~flat & above)), levels)
@@ -192,7 +192,7 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
     )
 
 
-def _find_flat(beads: Extrusions, of_part: Bool) -> Bool:
+def _find_flat_extrusions(beads: Extrusions, of_part: Bool) -> Bool:
     """Return a mask (B,) of extrusions at constant z.
 
     In spirals z is rounded, so short extrusions between rising ones seem flat. Such short flat runs are no layers.
@@ -214,7 +214,7 @@ def _distinct_heights(z: Float) -> Float:
     return np.asarray(values[np.append(np.diff(values) > _SAME_HEIGHT, True)[: len(values)]])
 
 
-def _ends_with_rim(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
+def _ends_with_flat_turn(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
     """Return whether the highest of the levels is the flat last turn of a spiral instead of a layer."""
     if len(levels) < 2:
         return False

@@ -93,7 +93,7 @@ def _spiral_wall_thickness(stack: Stack, sections: Areas) -> float:
     this is so everywhere, the result is the width of the extrusions, or twice their depth if that is less.
     """
     beads, layer = stack.beads, stack.layer
-    turns = np.flatnonzero((layer >= 0) & stack.rising[layer])
+    turns = np.flatnonzero((layer >= 0) & stack.has_rising_z[layer])
     place, bead = sample_points(beads.take(turns), _N_POINTS)
     bead = turns[bead]
     outlines = OutlineIndex(sections, place.min(axis=0) - 1, place.max(axis=0) + 1)

@@ -24,7 +24,7 @@ from printer_slicer.inspection.deposition.height_map import (
 from printer_slicer.inspection.deposition.marks import Defect, Marks
 from printer_slicer.inspection.deposition.unsupported import (
     MIN_REPORTED_LENGTH,
-    deposit,
+    add_to_height_map,
     find_unsupported_pieces,
 )
 
@@ -69,7 +69,7 @@ class DefectFinder:
         if len(extruding):
             extruding_pieces = pieces.take(extruding)
             self._find_unsupported(batch, extruding_pieces, cell[extruding], layers)
-            deposit(self._height_map, batch, extruding_pieces, cell[extruding], self._marks)
+            add_to_height_map(self._height_map, batch, extruding_pieces, cell[extruding], self._marks)
 
     def _check_flow(self, batch: MoveBatch, layers: Int) -> None:
         """Record the highest flow, and flow above the maximum of the material."""
@@ -88,12 +88,12 @@ class DefectFinder:
 
     def _find_collisions(self, batch: MoveBatch, pieces: MovePieces, cell: Int, layers: Int) -> None:
         """Find collisions of the nozzle with the print."""
-        depth = self._height_map.depth(cell, pieces.z)
+        depth = self._height_map.depth_below_print(cell, pieces.z)
         upright = pieces.length <= NEGLIGIBLE
         sinks = (batch.end[:, 2] < batch.start[:, 2] - NEGLIGIBLE)[pieces.move]
         deep = np.flatnonzero((pieces.z < self._height_map.highest - _PLUNGE_DEPTH) & (~upright | sinks))
         if len(deep):  # a nozzle gets wider upwards, so a deep one touches the cells around it
-            around = self._height_map.max_depth_around(cell[deep], pieces.z[deep])
+            around = self._height_map.max_depth_below_print_around(cell[deep], pieces.z[deep])
             depth[deep] = np.where(around > _PLUNGE_DEPTH, around, depth[deep])
         hit = np.flatnonzero(
             (~upright & (depth > COLLISION_DEPTH)) | (upright & sinks & (depth > _PLUNGE_DEPTH))

@@ -133,11 +133,11 @@ class HeightMap:
         inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
         return np.where(inside, row * self._wide + column, self._outside)
 
-    def depth(self, cell: Int, z: Float) -> Float:
+    def depth_below_print(self, cell: Int, z: Float) -> Float:
         """Return the depth (P,) of the nozzle at z below the print in its cell, mm; negative if above."""
         return np.asarray(self._top[cell] - z)
 
-    def max_depth_around(self, cell: Int, z: Float) -> Float:
+    def max_depth_below_print_around(self, cell: Int, z: Float) -> Float:
         """Return the largest depth (P,) below the print in the cell and its eight neighbours, mm."""
         around = [row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)]
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
@@ -201,7 +201,7 @@ class HeightMap:
             coarse.astype(np.float64), self._left + left * CELL, self._front + first * CELL, factor * CELL
         )
 
-    def find_connected(self, cell: Int, seeds: Bool, reach: float) -> Bool:
+    def find_pieces_near_seeds(self, cell: Int, seeds: Bool, reach: float) -> Bool:
         """Return a mask (P,) of pieces within `reach` mm of a seed piece, measured along cells with pieces."""
         rows, columns = np.divmod(cell, self._wide)
         top, left = rows.min() - 3, columns.min() - 3
@@ -256,7 +256,7 @@ class LevelMoves(Struct, frozen=True, eq=False):
         volume: (n,) mm³ extruded.
         flat: (n,) mm, length in x and y.
         extrudes: (n,) whether the move extrudes.
-        role: (n,) role, see `Marks.role`.
+        role: (n,) role, see `Marks.role_at`.
     """
 
     command: Int
@@ -332,14 +332,14 @@ class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
             new_volume,
             xy_length,
             extrudes,
-            marks.role(command),
+            marks.role_at(command),
             rows[:, FED],
             seconds,
             flow,
         )
 
     @property
-    def feeds_in_vain(self) -> Bool:
+    def feeds_without_extruding(self) -> Bool:
         """Mask (n,) of moves that feed filament but extrude nothing."""
         return (self.fed > NEGLIGIBLE) & ~self.extrudes
 

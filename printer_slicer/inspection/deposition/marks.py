@@ -100,7 +100,7 @@ class Defect(NamedTuple):
     Attributes:
         kind: "unsupported", "crash", "bed" or "flow".
         command: the command that caused it, counted from 1.
-        layer: see `Marks.layer`.
+        layer: see `Marks.layer_at`.
         z, x, y: mm, its position.
         amount: unsupported length or length of the collision, mm; height above the bed, mm; or flow, mm³/s.
         depth: mm, depth of a collision.
@@ -142,16 +142,16 @@ class Marks(Struct, frozen=True, eq=False):
         """Whether any comment names a role."""
         return len(self.roles) > 0
 
-    def role(self, command: Int) -> Int:
+    def role_at(self, command: Int) -> Int:
         """Return the index into `labels` (n,) of the role of each command."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
 
-    def tool(self, command: Int) -> Int:
+    def tool_at(self, command: Int) -> Int:
         """Return the tool (n,) of each command."""
         return np.append(0, self.tools)[np.searchsorted(self.changes, command, side="right")]
 
-    def layer(self, command: Int) -> Int:
+    def layer_at(self, command: Int) -> Int:
         """Return the layer (n,) of each command, counted from 1; 0 before the first."""
         return np.searchsorted(self.layers, command, side="right")
 

@@ -25,7 +25,7 @@ class LayerDeposition(Struct):
     """Times, volumes and lengths of the moves of a layer.
 
     Attributes:
-        number: see `Marks.layer`.
+        number: see `Marks.layer_at`.
         first: the first command of the layer.
         z: mm, the height of most of its extrusion so far.
         seconds: s, total time of its moves.

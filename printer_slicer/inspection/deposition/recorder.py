@@ -72,28 +72,28 @@ class DepositionRecorder:
         self._missing_extrusion = MissingExtrusionFinder()
         self._timeline = TimelineRecorder()
 
-    def feed(self, rows: Float, seconds: Float, kept_back: float = 0.0) -> None:
+    def add_moves(self, rows: Float, seconds: Float, clogged_share: float = 0.0) -> None:
         """Add moves.
 
         Args:
             rows: (n, 9) rows of `sim.move_log`.
             seconds: (n,) s, duration of each move.
-            kept_back: share of the fed filament that does not come out of the nozzle.
+            clogged_share: share of the fed filament that does not come out of the nozzle.
         """
-        self._timeline.feed(rows, seconds)
+        self._timeline.add_moves(rows, seconds)
         pushed = self._new_filament(rows) * self._area
-        new_volume = pushed * (1.0 - kept_back)
+        new_volume = pushed * (1.0 - clogged_share)
         xy_length = np.hypot(*(rows[:, END] - rows[:, START])[:, :2].T)
         extrudes = (new_volume > NEGLIGIBLE) & (xy_length > NEGLIGIBLE)
         self._standing += float(new_volume[~extrudes].sum())
         if self._first_extrusion is None and extrudes.any():
             self._first_extrusion = int(rows[extrudes.argmax(), COMMAND])
-        if self._first_missing is None and kept_back and (pushed > NEGLIGIBLE).any():
+        if self._first_missing is None and clogged_share and (pushed > NEGLIGIBLE).any():
             self._first_missing = int(rows[(pushed > NEGLIGIBLE).argmax(), COMMAND])
-        if kept_back:
+        if clogged_share:
             rows = rows.copy()
-            rows[:, FED] *= 1.0 - kept_back
-        self._missing_extrusion.feed(rows, extrudes)
+            rows[:, FED] *= 1.0 - clogged_share
+        self._missing_extrusion.add_moves(rows, extrudes)
         self._split_by_height(rows, seconds, (new_volume, extrudes))
 
     def _split_by_height(self, rows: Float, seconds: Float, volumes: tuple[Float, Bool]) -> None:
@@ -144,7 +144,7 @@ class DepositionRecorder:
         """Return the new filament (n,) that each move feeds, mm; each tool has its own filament."""
         if not len(self._marks.tools):
             return self._new_filament_of_tool(rows[:, FED], 0)
-        tool = self._marks.tool(rows[:, COMMAND].astype(np.int64))
+        tool = self._marks.tool_at(rows[:, COMMAND].astype(np.int64))
         result = np.zeros(len(rows))
         for one in np.unique(tool).tolist():
             result[tool == one] = self._new_filament_of_tool(rows[tool == one, FED], one)
@@ -181,7 +181,7 @@ class DepositionRecorder:
     def _number_layers(self, batch: MoveBatch) -> Int:
         """Return the layer number (n,) of each move."""
         if len(self._marks.layers):
-            return self._marks.layer(batch.command)
+            return self._marks.layer_at(batch.command)
         if not batch.extrudes.any():
             return np.full(len(batch.command), self._number)
         z = round(float(batch.end[batch.extrudes, 2].max()), 3)
@@ -222,7 +222,7 @@ class DepositionRecorder:
         layer.peak_flow = max(layer.peak_flow, float(batch.flow[extruding].max(initial=0.0)))
         moving = selected & (batch.xy_length > NEGLIGIBLE)
         layer.retracted_length += float(batch.xy_length[moving & (batch.fed < -NEGLIGIBLE)].sum())
-        in_vain = moving & batch.feeds_in_vain
+        in_vain = moving & batch.feeds_without_extruding
         if in_vain.any():
             layer.empty_length += float(batch.xy_length[in_vain].sum())
             layer.first_empty = layer.first_empty or int(batch.command[in_vain.argmax()])

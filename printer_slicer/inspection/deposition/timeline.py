@@ -49,7 +49,7 @@ class TimelineRecorder:
         self._command = np.zeros(_SAMPLES, np.int64)
         self._now = 0.0
 
-    def feed(self, rows: Float, seconds: Float) -> None:
+    def add_moves(self, rows: Float, seconds: Float) -> None:
         """Add consecutive moves: rows (n, 9) of `sim.move_log`, and the duration of each, (n,) s."""
         if not len(rows):
             return

@@ -33,7 +33,7 @@ class MissingExtrusionFinder:
         self._current: MissingExtrusion | None = None  # the range without extrusion that is being followed
         self._climbs, self._since_climb = 0, 0.0
 
-    def feed(self, rows: Float, extrudes: Bool) -> None:
+    def add_moves(self, rows: Float, extrudes: Bool) -> None:
         """Add moves, as rows of `sim.move_log`, with a mask of those that extrude."""
         if self.first is not None and (self._current is None or self.first.command != self._current.command):
             return  # the first range has ended

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MIN_REPORTED_LENGTH",
-    "Unsupported",
+    "UnsupportedExtrusion",
     "UnsupportedTracker",
-    "deposit",
-    "describe",
+    "add_to_height_map",
+    "describe_unsupported",
     "find_unsupported_pieces",
     "unsupported_of_program",
 ]
@@ -61,7 +61,7 @@ def find_unsupported_pieces(
         marks: layers and roles from the comments.
     """
     none = np.zeros(0, np.int64)
-    if len(marks.layers) and not marks.layer(moves.command).any():
+    if len(marks.layers) and not marks.layer_at(moves.command).any():
         return none  # priming may extrude into the air
     lowest = pieces.z - moves.strand_diameter[pieces.move] * _MAX_SAG
     if not marks.has_roles:
@@ -74,12 +74,14 @@ def find_unsupported_pieces(
         return none
     # Whether the supports themselves are supported is the slicer's responsibility.
     removable = np.isin(moves.role, [*marks.removable])[pieces.move]
-    return np.flatnonzero(~height_map.find_connected(cell, is_held, _MAX_OVERHANG) & ~removable)
+    return np.flatnonzero(~height_map.find_pieces_near_seeds(cell, is_held, _MAX_OVERHANG) & ~removable)
 
 
-def deposit(height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks) -> None:
+def add_to_height_map(
+    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
+) -> None:
     """Add extrusions to the height map at their full width; arguments as for `find_unsupported_pieces`."""
-    width = moves.width(-height_map.depth(cell, pieces.z))
+    width = moves.width(-height_map.depth_below_print(cell, pieces.z))
     removable = np.isin(moves.role, [*marks.removable])[pieces.move]
     for is_removable in (True, False):
         selected = np.flatnonzero(removable == is_removable)
@@ -111,7 +113,7 @@ def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> 
     return result
 
 
-class Unsupported(NamedTuple):
+class UnsupportedExtrusion(NamedTuple):
     """Unsupported extrusion at one height.
 
     Attributes:
@@ -143,9 +145,9 @@ class UnsupportedTracker:
         self._height_map: HeightMap | None = None
         self._queue: list[LevelMoves] = []
         self._z = np.nan
-        self._found: list[Unsupported] = []
+        self._found: list[UnsupportedExtrusion] = []
 
-    def feed(self, command: Int, start: Float, end: Float, new_filament: Float) -> None:
+    def add_moves(self, command: Int, start: Float, end: Float, new_filament: Float) -> None:
         """Add moves.
 
         Args:
@@ -164,7 +166,9 @@ class UnsupportedTracker:
             volume[extruding],
             xy_length[extruding],
         )
-        moves = LevelMoves(*columns, np.ones(len(extruding), np.bool_), self._marks.role(command[extruding]))
+        moves = LevelMoves(
+            *columns, np.ones(len(extruding), np.bool_), self._marks.role_at(command[extruding])
+        )
         firsts, heights = find_height_changes(np.arange(len(extruding)), end[extruding, 2], self._z)
         begin = 0
         for first, height in zip(firsts, heights, strict=True):
@@ -173,7 +177,7 @@ class UnsupportedTracker:
             begin, self._z = first, height
         self._queue.append(moves.select_range(begin, len(extruding)))
 
-    def close(self) -> tuple[Unsupported, ...]:
+    def close(self) -> tuple[UnsupportedExtrusion, ...]:
         """Return all unsupported extrusion, in the order of the commands."""
         self._check_queue()
         return tuple(self._found)
@@ -192,13 +196,13 @@ class UnsupportedTracker:
         if length > MIN_REPORTED_LENGTH:
             piece = int(unsupported[0])
             command = int(moves.command[pieces.move[piece]])
-            layer = int(self._marks.layer(np.array([command]))[0])
+            layer = int(self._marks.layer_at(np.array([command]))[0])
             z, x, y = (float(column[piece]) for column in (pieces.z, pieces.x, pieces.y))
-            self._found.append(Unsupported(command, layer, z, x, y, length))
-        deposit(height_map, moves, pieces, cell, self._marks)
+            self._found.append(UnsupportedExtrusion(command, layer, z, x, y, length))
+        add_to_height_map(height_map, moves, pieces, cell, self._marks)
 
 
-def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsupported, ...]:
+def unsupported_of_program(program: Program, profile: Profile) -> tuple[UnsupportedExtrusion, ...]:
     """Return the unsupported extrusion of a sliced program; commands are its moves."""
     role = np.where(program.role == Role.TRAVEL, 0, purposes_of_roles(program.role))
     first = np.flatnonzero(np.diff(role, prepend=-1) != 0)
@@ -212,11 +216,11 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks
     )
     new_filament = np.where(program.role == Role.TRAVEL, 0.0, program.filament)
-    tracker.feed(np.arange(program.n_moves) + 1, program.start, program.xyz, new_filament)
+    tracker.add_moves(np.arange(program.n_moves) + 1, program.start, program.xyz, new_filament)
     return tracker.close()
 
 
-def describe(found: Sequence[Unsupported]) -> str:
+def describe_unsupported(found: Sequence[UnsupportedExtrusion]) -> str:
     """Describe unsupported extrusion in one sentence: total length, and position of the first."""
     first, length = found[0], sum(one.length for one in found)
     where = [f"layer {first.layer}"] if first.layer else []

@@ -56,12 +56,12 @@ class Chunk:
     def __len__(self) -> int:
         return len(self.commands)
 
-    def next_break(self, begin: int) -> int:
+    def next_single_command(self, begin: int) -> int:
         """Return the index of the first command from `begin` on that must be executed singly; or the length."""
         at = bisect_left(self._breaks, begin)
         return self._breaks[at] if at < len(self._breaks) else len(self.commands)
 
-    def others_between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
+    def non_moves_between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
         """Return the index, kind and text of each command in a range that is not a plain move."""
         first, last = bisect_left(self.others, begin), bisect_left(self.others, end)
         return [(self.others[at], self.kinds[at], self.texts[self.others[at]]) for at in range(first, last)]
@@ -118,8 +118,8 @@ class CommandRun(Struct, frozen=True, eq=False):
     @classmethod
     def read(cls, chunk: Chunk, begin: int, start: BatchStart) -> CommandRun | None:
         """Read the run that starts at a command; return None if that command must be executed singly."""
-        end = chunk.next_break(begin)
-        others = chunk.others_between(begin, end)
+        end = chunk.next_single_command(begin)
+        others = chunk.non_moves_between(begin, end)
         for place, kind, text in others:
             if kind in _HEATER_CODES and not _is_accepted_target(
                 kind, Command(text).value("S") or 0.0, start
@@ -238,7 +238,7 @@ def _reply_sizes(position: Float, start: BatchStart, others: _OtherCommands) -> 
     for place, kind, _ in others:
         if kind == _SET_E_CODE:
             x, y, z, e = position[place].tolist()
-            reply_size[place] += start.position_report_bytes((x, y, z, e))
+            reply_size[place] += start.position_report_length((x, y, z, e))
     return reply_size
 
 

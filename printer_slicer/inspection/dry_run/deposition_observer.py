@@ -46,7 +46,7 @@ class DepositionObserver:
         self.move_log.flush()
         return self._recorder.close()
 
-    def _record_moves(self, rows: array[float], seconds: array[float], kept_back: float) -> None:
+    def _record_moves(self, rows: array[float], seconds: array[float], clogged_share: float) -> None:
         table = np.frombuffer(rows).reshape(-1, COLUMNS).copy()
         table[:, 0] = self._comparison.commands_of(table[:, 0].astype(np.int64)) + 1
-        self._recorder.feed(table, np.frombuffer(seconds), kept_back)
+        self._recorder.add_moves(table, np.frombuffer(seconds), clogged_share)

@@ -29,7 +29,7 @@ from printer_slicer.link_model import (
 from printer_slicer.motion.planner_clock import PlannerState
 from printer_slicer.sim.batch import Batch, BatchStart
 from printer_slicer.sim.link import VirtualPort
-from printer_slicer.sim.motion_queue import Planned
+from printer_slicer.sim.motion_queue import PlannedMotion
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.stream.events import Event, Identified
 from printer_slicer.stream.protocol import Streamer
@@ -135,7 +135,7 @@ class FastRunner:
         at = 0
         while at < len(chunk) and not self._printer.state.killed:
             count = 0
-            if self._retry.is_due(chunk.next_break(at) - at):
+            if self._retry.is_due(chunk.next_single_command(at) - at):
                 count = self._execute_batch(chunk, at)
                 self._retry.record_batch(count)
             if not count:
@@ -210,7 +210,7 @@ class FastRunner:
             position=(x, y, z, e),
             feed=float(command_run.feed[count - 1]),
             limits=limits_after_count(command_run, count, start.limits),
-            planned=_planned_after(command_run, lines, times, start),
+            planned=_planned_motion_after(command_run, lines, times, start),
             seconds=float(times.seconds.sum()),
             fed=float(fed[fed > 0].sum()),
             retracted=-float(fed[fed < 0].sum()),
@@ -251,9 +251,9 @@ def _log_rows(
     }
 
 
-def _planned_after(
+def _planned_motion_after(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
-) -> Planned:
+) -> PlannedMotion:
     """Return the current move and the planned moves of the firmware after a batch."""
     before, after, n_begun = start.planned, times.planner, len(times.begins)
     # End positions of the running block, of the waiting blocks and of the new ones; e is the filament fed.

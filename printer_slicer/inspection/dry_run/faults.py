@@ -156,10 +156,10 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
         )
         fault = Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times)
         index = comparison.command_of(violation.line)
-        yield index, _word_as_lint(fault, known.get((rule.code, index)))
+        yield index, _use_lint_wording(fault, known.get((rule.code, index)))
 
 
-def _word_as_lint(fault: Diagnostic, finding: Diagnostic | None) -> Diagnostic:
+def _use_lint_wording(fault: Diagnostic, finding: Diagnostic | None) -> Diagnostic:
     """Return a fault in the words of the lint finding for the same command, so that one fault has one text."""
     if finding is None or not fault.is_error:
         return fault

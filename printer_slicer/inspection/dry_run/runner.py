@@ -35,7 +35,7 @@ from printer_slicer.stream.send_queue import POSITION_TOLERANCE
 from printer_slicer.stream.session import run
 from printer_slicer.values import Struct
 
-__all__ = ["dry_run", "layer_counter"]
+__all__ = ["dry_run", "make_layer_counter"]
 
 _POSITION = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
 _LATENCY = 0.001  # s, latency of a reply over USB
@@ -76,7 +76,7 @@ class _Simulation(Struct, eq=False):
             move_log=observer.move_log,
         )
         if faults is not None:
-            faults.current_layer = layer_counter(job, comparison)
+            faults.current_layer = make_layer_counter(job, comparison)
         used = baud or profile.printer.baud
         port = VirtualPort(simulated, baud=used, latency=_LATENCY, faults=faults)
         return cls(job, profile, used, baud is not None, comparison, observer, simulated, port)
@@ -104,7 +104,7 @@ class _Simulation(Struct, eq=False):
         )
 
 
-def layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
+def make_layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
     """Return a function that returns the current layer of a run; None if the job has no layer comments."""
     if not job.marks:
         return None

@@ -16,7 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
-from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe
+from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe_unsupported
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.vectorized import FLOW_WINDOW, volumetric_flow
 from printer_slicer.profile import Profile
@@ -67,7 +67,7 @@ class MoveChecker:
         ratio = self._flow_factors[np.searchsorted(self._flow_factor_since, moves.line, side="right")]
         new_filament = self._new_filament(moves, moves.delta[:, 3] * ratio)
         if self._tracker is not None:
-            self._tracker.feed(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, new_filament)
+            self._tracker.add_moves(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, new_filament)
         results = (
             _check_box(moves, self._profile),
             _check_speeds(self._profile, speed, axis_share, speed_limits),
@@ -96,7 +96,7 @@ class MoveChecker:
                 commands[index].decode("latin-1"),
                 "It will fall down: rotate the part or add supports",
             )
-            yield Diagnostic("unsupported", "error", describe(found), reason, index=index, command=command)
+            yield Diagnostic("unsupported", "error", describe_unsupported(found), reason, index=index, command=command)
 
     def _record(self, moves: Moves, result: _CheckResult) -> None:
         """Record the first failing move, the number of failing commands, and the largest amount."""

@@ -113,7 +113,7 @@ class Readiness:
         )
         reason = "The firmware blocks cold extrusion: heat the nozzle and wait first (for example M109 S210)"
         self._record("cold", "extrudes before the nozzle is hot", reason, moves, feeds & (heat <= _HEATING))
-        off = (heat == _COOLED) | self._find_cooled(moves, heat == _COOLING)
+        off = (heat == _COOLED) | self._find_moves_after_cooling(moves, heat == _COOLING)
         self._record(
             "cold",
             f"extrudes more than {_COOLING_TIME:g} s after the nozzle was switched off",
@@ -159,7 +159,7 @@ class Readiness:
         x, y, z = moves.delta[:, :3].T
         return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= _HARMLESS_LIFT))
 
-    def _find_cooled(self, moves: Moves, cooling: Bool) -> Bool:
+    def _find_moves_after_cooling(self, moves: Moves, cooling: Bool) -> Bool:
         """Return a mask (K,) of moves that start after the nozzle has been off too long to extrude."""
         seconds = np.where(cooling, _durations(moves), 0.0)
         total = self._cooling + np.cumsum(seconds)

@@ -20,7 +20,7 @@ from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.motion import MoveChecker
 from printer_slicer.inspection.lint.readiness import Readiness
-from printer_slicer.inspection.lint.syntax import lower_case_fault, number_faults
+from printer_slicer.inspection.lint.syntax import describe_lower_case_fault, describe_number_faults
 from printer_slicer.inspection.lint.table import RULES, Rule
 from printer_slicer.jobs import Job, JobSummary, split_sendable
 from printer_slicer.motion.rules import limits_of
@@ -127,9 +127,9 @@ def _check_command(
         if result is not None:
             is_error, message = result
             yield rule.name, "error" if is_error else "warning", message, rule.reason
-    if not command.further and (message := lower_case_fault(line, profile.printer.flavour)):
+    if not command.further and (message := describe_lower_case_fault(line, profile.printer.flavour)):
         yield "unreadable", "error", message, "The firmware ignores unknown commands"
-    for message in number_faults(command, profile.printer.flavour):
+    for message in describe_number_faults(command, profile.printer.flavour):
         yield "unreadable", "error", message, "Firmwares interpret it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", "error", "is a debug command", "It may read and write memory and pins"

@@ -14,7 +14,7 @@ from printer_slicer.firmware import FIRMWARES, FLAVOURS
 from printer_slicer.gcode.commands import TABLE, Effect, names_that, takes_text
 from printer_slicer.gcode.lexer import LintCommand, parse, split_code, split_line_number
 
-__all__ = ["lower_case_fault", "number_faults"]
+__all__ = ["describe_lower_case_fault", "describe_number_faults"]
 
 _ALL_LETTERS: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
 _NUMBER_LETTERS: Final[Mapping[str, str]] = {
@@ -35,7 +35,7 @@ _VALID_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
 
 
-def number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
+def describe_number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
     """Yield a description of each word of a command without a valid number, and how the firmware reads it.
 
     Args:
@@ -61,7 +61,7 @@ _QUOTED_TEXT: Final = re.compile(r'"[^"]*"?|\([^)]*\)?|\{[^}]*\}?')
 _LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
 
 
-def lower_case_fault(line: bytes, flavour: str) -> str:
+def describe_lower_case_fault(line: bytes, flavour: str) -> str:
     """Return a message if the firmware does not read lower-case words of a line; otherwise empty.
 
     Args:

@@ -202,94 +202,97 @@ def _check_m118(command: LintCommand, _printer: Printer) -> RuleResult | None:
     return (False, "sends an action command to the host") if "ACTION:" in text.replace(" ", "") else None
 
 
-def _codes(text: str) -> frozenset[str]:
+def _split_codes(text: str) -> frozenset[str]:
     """Return the codes of a text separated by spaces."""
     return frozenset(text.split())
 
 
-_ENDED_BY_BUTTON: Final = _codes("M0 M1")
+_ENDED_BY_BUTTON: Final = _split_codes("M0 M1")
 _OUTLIVES_PRINT: Final = "The change outlives the print"
 _PROTECTION_OFF: Final = "A protection of the printer is switched off"
 
 RULES: Final[tuple[Rule, ...]] = (
     Rule(
         "eeprom",
-        _codes("M500"),
+        _split_codes("M500"),
         _always_report("stores settings in the EEPROM of the printer"),
         _OUTLIVES_PRINT,
     ),
     Rule(
         "eeprom",
-        _codes("M501"),
+        _split_codes("M501"),
         _always_report("replaces the current settings by stored ones"),
         _OUTLIVES_PRINT,
     ),
     Rule(
-        "eeprom", _codes("M502 M504"), _always_report("resets all settings of the firmware"), _OUTLIVES_PRINT
+        "eeprom",
+        _split_codes("M502 M504"),
+        _always_report("resets all settings of the firmware"),
+        _OUTLIVES_PRINT,
     ),
     Rule(
         "eeprom",
-        _codes("SAVE_CONFIG"),
+        _split_codes("SAVE_CONFIG"),
         _always_report("writes the configuration and restarts Klipper"),
         _OUTLIVES_PRINT,
     ),
     Rule(
         "limits",
-        _codes("M201 M203 M204 M205 M566 SET_VELOCITY_LIMIT"),
+        _split_codes("M201 M203 M204 M205 M566 SET_VELOCITY_LIMIT"),
         _check_limits,
         "The motors may lose steps, or hardly move",
     ),
     Rule(
         "calibration",
-        _codes("M92"),
+        _split_codes("M92"),
         _report_if_any("XYZEABC", "sets steps per mm"),
         "Dimensions may come out wrong",
     ),
     Rule(
         "calibration",
-        _codes("M301 M304 M306 M307"),
+        _split_codes("M301 M304 M306 M307"),
         _report_if_any("HPIDCRAS", "sets PID values of a heater"),
         "Temperatures may overshoot",
     ),
     Rule(
         "calibration",
-        _codes("M305"),
+        _split_codes("M305"),
         _report_if_any("PTBRS", "configures a thermistor"),
         "Temperatures may be read wrong",
     ),
     Rule(
         "calibration",
-        _codes("M350 M569 M665 M666 M669 M667"),
+        _split_codes("M350 M569 M665 M666 M669 M667"),
         _report_if_any("XYZEABCDHLRSPT", "sets geometry or motor drivers", is_warning=True),
         "Check that it suits the printer",
     ),
     Rule(
         "calibration",
-        _codes("M906 M907 M908 M913"),
+        _split_codes("M906 M907 M908 M913"),
         _report_if_any("XYZEABCS", "sets motor currents", is_warning=True),
         "Check that they suit the printer",
     ),
     Rule(
         "autotune",
-        _codes("M303 PID_CALIBRATE"),
+        _split_codes("M303 PID_CALIBRATE"),
         _always_report("runs PID autotune"),
         "It heats by itself",
     ),
-    Rule("cold", _codes("M302"), _check_cold_extrusion, "A cold extruder grinds the filament"),
-    Rule("ratio", _codes("M221"), _check_flow_ratio, "The part was sliced for 100%"),
-    Rule("ratio", _codes("M220"), _check_speed_ratio, "The part was sliced for 100%"),
+    Rule("cold", _split_codes("M302"), _check_cold_extrusion, "A cold extruder grinds the filament"),
+    Rule("ratio", _split_codes("M221"), _check_flow_ratio, "The part was sliced for 100%"),
+    Rule("ratio", _split_codes("M220"), _check_speed_ratio, "The part was sliced for 100%"),
     Rule(
         "protection",
-        _codes("M143 M562 M570"),
+        _split_codes("M143 M562 M570"),
         _always_report("changes the protection of the heaters"),
         _PROTECTION_OFF,
     ),
-    Rule("endstops", _codes("M211 M564"), _check_endstops, _PROTECTION_OFF),
-    Rule("endstops", _codes("FORCE_MOVE"), _always_report("moves beyond all limits"), _PROTECTION_OFF),
+    Rule("endstops", _split_codes("M211 M564"), _check_endstops, _PROTECTION_OFF),
+    Rule("endstops", _split_codes("FORCE_MOVE"), _always_report("moves beyond all limits"), _PROTECTION_OFF),
     Rule(
         "offsets",
         names_that(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
-        | _codes("M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION"),
+        | _split_codes("M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION"),
         lambda command, _: (
             (True, "shifts the origin")
             if command.words or command.settings or command.code != "M851"
@@ -299,21 +302,21 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule(
         "offsets",
-        _codes("M290"),
+        _split_codes("M290"),
         _check_babystep,
         "The first layer may not stick, or the nozzle may hit the bed",
     ),
-    Rule("offsets", _codes("G10"), _check_g10, "The position of later moves is unknown"),
+    Rule("offsets", _split_codes("G10"), _check_g10, "The position of later moves is unknown"),
     Rule(
         "halt",
-        _codes("M112 EMERGENCY_STOP"),
+        _split_codes("M112 EMERGENCY_STOP"),
         _always_report("halts the printer"),
         "The print ends there",
     ),
-    Rule("halt", _codes("M410"), _always_report("drops all planned moves"), "The position is lost"),
+    Rule("halt", _split_codes("M410"), _always_report("drops all planned moves"), "The position is lost"),
     Rule(
         "halt",
-        _codes("M81"),
+        _split_codes("M81"),
         _always_report("switches the power off", is_warning=True),
         "The fans stop too",
     ),
@@ -326,25 +329,25 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule(
         "firmware",
-        _codes("M997"),
+        _split_codes("M997"),
         _always_report("updates the firmware"),
         "The printer may behave differently afterwards",
     ),
     Rule(
         "firmware",
-        _codes("M999 FIRMWARE_RESTART RESTART DFU UPGRADE BREAK"),
+        _split_codes("M999 FIRMWARE_RESTART RESTART DFU UPGRADE BREAK"),
         _always_report("restarts the firmware, also after a fault"),
         "Position and errors are lost",
     ),
     Rule(
         "files",
-        _codes("M23 M24 M28 M30 M32 M928 M471 M472 SDCARD_PRINT_FILE"),
+        _split_codes("M23 M24 M28 M30 M32 M928 M471 M472 SDCARD_PRINT_FILE"),
         _always_report("reads, writes or deletes files on the printer"),
         "Their contents are unknown",
     ),
     Rule(
         "pins",
-        _codes("M42 M43"),
+        _split_codes("M42 M43"),
         _always_report("switches pins of the board"),
         "A heater may be connected to one",
     ),
@@ -356,26 +359,33 @@ RULES: Final[tuple[Rule, ...]] = (
     ),
     Rule(
         "link",
-        _codes("M110"),
+        _split_codes("M110"),
         _always_report("changes line numbers that the host counts"),
         "Lines may get lost",
     ),
-    Rule("link", _codes("M118"), _check_m118, "Hosts may take it for a reply"),
-    Rule("link", _codes("M575"), _always_report("changes the baud rate"), "The host loses the connection"),
+    Rule("link", _split_codes("M118"), _check_m118, "Hosts may take it for a reply"),
     Rule(
-        "link", _codes("M552 M586 M587 M588 M589"), _always_report("configures the network"), _OUTLIVES_PRINT
+        "link", _split_codes("M575"), _always_report("changes the baud rate"), "The host loses the connection"
+    ),
+    Rule(
+        "link",
+        _split_codes("M552 M586 M587 M588 M589"),
+        _always_report("configures the network"),
+        _OUTLIVES_PRINT,
     ),
     Rule(
         "debug",
-        _codes("M111"),
+        _split_codes("M111"),
         _report_if_any("S", "switches a debug mode on"),
         "The printer may not move or heat",
     ),
     Rule(
         "unreadable",
-        _codes("G5 G6 G18 G19 G38 G42"),
+        _split_codes("G5 G6 G18 G19 G38 G42"),
         _always_report("is a move that this check does not support"),
         "Its target is unknown",
     ),
-    Rule("shell", _codes("RUN_SHELL_COMMAND"), _always_report("runs a program"), "Its effect is unknown"),
+    Rule(
+        "shell", _split_codes("RUN_SHELL_COMMAND"), _always_report("runs a program"), "Its effect is unknown"
+    ),
 )

@@ -16,7 +16,7 @@ NO_MARKS = Marks()
 
 
 def account(
-    *moves: tuple[float, float, float], kept_back: float = 0.0, marks: Marks = NO_MARKS
+    *moves: tuple[float, float, float], clogged_share: float = 0.0, marks: Marks = NO_MARKS
 ) -> Deposition:
     """Moves to x at z that feed so much, each 1 s long, over a large plate."""
     keeper = DepositionRecorder(((0.0, 0.0), (200.0, 200.0)), AREA, 100.0, marks)
@@ -24,7 +24,7 @@ def account(
     for command, (x, z, fed) in enumerate(moves, 1):
         rows.append((command, at[0], 50.0, at[1], x, 50.0, z, fed, 10.0))
         at = x, z
-    keeper.feed(np.array(rows), np.ones(len(rows)), kept_back)
+    keeper.add_moves(np.array(rows), np.ones(len(rows)), clogged_share)
     return keeper.close()
 
 
@@ -39,7 +39,7 @@ def test_each_tool_has_its_own_filament() -> None:
 
 def test_what_is_kept_back_is_not_laid() -> None:
     whole = account((20.0, 0.2, 1.0), (60.0, 0.2, 2.0))
-    part = account((20.0, 0.2, 1.0), (60.0, 0.2, 2.0), kept_back=0.75)
+    part = account((20.0, 0.2, 1.0), (60.0, 0.2, 2.0), clogged_share=0.75)
 
     assert (whole.first_missing, part.first_missing) == (None, 1)
     assert part.volume == pytest.approx(0.25 * whole.volume)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.inspection.coverage.model_check import check_gcode
-from printer_slicer.inspection.deposition.unsupported import describe, unsupported_of_program
+from printer_slicer.inspection.deposition.unsupported import describe_unsupported, unsupported_of_program
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part
@@ -64,7 +64,7 @@ def test_bridges_overhangs_first_layers_and_rafts_are_held(part: Mesh, raft: flo
     profile = profile_with(PROFILE, {"quality.raft_height": raft})
     found = unsupported_of_program(slice_part(part, profile), profile)
 
-    assert not found, describe(found)
+    assert not found, describe_unsupported(found)
 
 
 @pytest.mark.parametrize("part", [MUSHROOM, SPLINTER, TABLE, SHELVES], ids=lambda part: part.name)

@@ -20,7 +20,7 @@ from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode.reader import MoveReader
 from printer_slicer.inspection.lint.scan import scan
-from printer_slicer.inspection.lint.syntax import lower_case_fault
+from printer_slicer.inspection.lint.syntax import describe_lower_case_fault
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.printing import print_job
 from printer_slicer.profile import load_profile, profile_with
@@ -225,7 +225,7 @@ def test_limits_are_judged_where_the_firmware_knows_the_command(
 )
 def test_lower_case_is_refused_where_the_firmware_does_not_know_it(line: str) -> None:
     (finding,) = found(line)
-    takes = [name for name in sorted(FLAVOURS) if not lower_case_fault(line.encode(), name)]
+    takes = [name for name in sorted(FLAVOURS) if not describe_lower_case_fault(line.encode(), name)]
 
     assert (finding.code, finding.is_error) == ("unreadable", True)
     assert finding.message.startswith("is in lower case, which Marlin does not read: write ")
@@ -245,13 +245,15 @@ def test_lower_case_is_refused_where_the_firmware_does_not_know_it(line: str) ->
     ],
 )
 def test_texts_and_names_may_be_in_lower_case(line: str) -> None:
-    assert not any(lower_case_fault(line.encode(), name) for name in FLAVOURS)
+    assert not any(describe_lower_case_fault(line.encode(), name) for name in FLAVOURS)
 
 
 def test_what_capitals_are_named_leaves_texts_as_they_are() -> None:
-    assert lower_case_fault(b"m117 hello x 5", "prusa").endswith("write M117 hello x 5")
-    assert lower_case_fault(b'm36 p"a b" s1 "c"', "marlin").endswith('write M36 p"a b" s1 "c"')
-    assert lower_case_fault(b'g1 x5 p"a b" s1 (c) y2', "marlin").endswith('write G1 X5 P"a b" S1 (c) Y2')
+    assert describe_lower_case_fault(b"m117 hello x 5", "prusa").endswith("write M117 hello x 5")
+    assert describe_lower_case_fault(b'm36 p"a b" s1 "c"', "marlin").endswith('write M36 p"a b" s1 "c"')
+    assert describe_lower_case_fault(b'g1 x5 p"a b" s1 (c) y2', "marlin").endswith(
+        'write G1 X5 P"a b" S1 (c) Y2'
+    )
 
 
 def test_a_wait_that_ends_by_itself_is_told() -> None:
