@@ -1,1 +1,1 @@
-"""A simulated printer: firmware, heaters and motion, without I/O and without a clock of its own."""
+"""A simulated printer: firmware, heaters and motion, without I/O. It has no clock; callers pass the time."""

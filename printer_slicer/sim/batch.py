@@ -1,4 +1,4 @@
-"""Apply the combined effect of a run of simple commands.
+"""Apply the combined effect of many consecutive simple commands to the simulated firmware.
 
 Moves and settings need not be executed one by one while no fault, report or wait can occur between them. `BatchStart`
 holds the state that such commands depend on. The caller computes their combined effect and returns it as a `Batch`.
@@ -24,7 +24,7 @@ __all__ = ["Batch", "BatchStart"]
 
 
 class BatchStart(Struct, frozen=True):
-    """The state of a printer before a run of simple commands.
+    """The state of a printer before a batch of simple commands.
 
     Attributes:
         position: end of the planned motion: x, y, z from the endstops, e as the program counts it; mm.
@@ -77,7 +77,7 @@ class BatchStart(Struct, frozen=True):
 
     @classmethod
     def from_state(cls, state: FirmwareState, until: float) -> BatchStart | None:
-        """Return the state before a batch that must end before the time `until`, s; None while nothing moves."""
+        """Return the state before a batch that ends before `until`, s; None if the machine stands still."""
         planned, machine = state.motion_queue.planned, state.machine
         if planned is None:
             return None
@@ -110,7 +110,7 @@ class BatchStart(Struct, frozen=True):
         )
 
     def limits_after_commands(self, texts: Sequence[str]) -> list[MotionLimits]:
-        """Return the motion limits after each of these M204 commands, without changing the state."""
+        """Return the motion limits after each of these M204 commands; the firmware state stays unchanged."""
         found: list[MotionLimits] = []
         for text in texts:
             start_command(self.state, text)
@@ -120,7 +120,7 @@ class BatchStart(Struct, frozen=True):
         return found
 
     def position_report_length(self, position: Axes) -> int:
-        """Return the length of a position report (M114) at a position, bytes."""
+        """Return the number of bytes in the position report (M114) that the firmware sends at a position."""
         state, here = self.state, self.state.position
         state.position = position
         size = len(state.format_position_report()) + 1
@@ -129,7 +129,7 @@ class BatchStart(Struct, frozen=True):
 
 
 class Batch(Struct, frozen=True):
-    """The combined effect of a run of commands.
+    """The combined effect of a batch of commands.
 
     Attributes:
         texts: executed commands.
@@ -170,7 +170,7 @@ class Batch(Struct, frozen=True):
     row_seconds: bytes = b""
 
     def apply(self, state: FirmwareState) -> None:
-        """Apply the effect to a firmware state."""
+        """Apply the combined effect of the batch to a firmware state."""
         state.apply_flow_cooling()
         state.heaters.start_steady_flow(self.fed - self.retracted, self.now - state.now)
         for moment, text in self.timed:

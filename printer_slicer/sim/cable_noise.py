@@ -13,14 +13,14 @@ class RandomSource(Protocol):
     """A random number generator, such as a seeded `random.Random`."""
 
     def random(self) -> float:
-        """Return a number of the interval [0, 1)."""
+        """Return a random number from 0 (inclusive) to 1 (exclusive)."""
 
     def randrange(self, stop: int, /) -> int:
-        """Return an integer from 0 to `stop` - 1."""
+        """Return a random integer from 0 to `stop` - 1."""
 
 
 class CableNoise:
-    """Random bit flips, lost bytes and inserted bytes.
+    """Adds random errors to the bytes on a cable: flipped bits, lost bytes and inserted bytes.
 
     Each byte is affected independently. Bytes are never repeated, delayed or reordered. A flip inverts one bit. An
     insertion adds a random byte before a byte. The line checksum is a plain XOR. It does not detect two flips of the
@@ -40,7 +40,7 @@ class CableNoise:
         self._insert = insert
 
     def __call__(self, data: bytes, direction: Direction) -> bytes:
-        """Return `data` with random errors; both directions have the same error rates."""
+        """Return `data` with random errors; the error rates are equal in both directions of the cable."""
         del direction
         whole = self._flip + self._drop + self._insert
         out = bytearray()

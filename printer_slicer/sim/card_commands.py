@@ -1,4 +1,7 @@
-"""Commands of the SD card. Replies follow Marlin's cardreader.cpp; they were not recorded from a real printer."""
+"""G-code commands for the SD card of the simulated printer.
+
+Replies follow Marlin's cardreader.cpp; they were not recorded from a real printer.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ __all__ = ["TABLE", "abort_print", "finish_print", "write_to_file"]
 def _require_card_reader(
     handler: Callable[[FirmwareState, Command], Steps | None],
 ) -> Callable[[FirmwareState, Command], Steps | None]:
-    """Wrap a handler so that a printer without a card reader replies that the command is unknown."""
+    """Wrap a command handler: a printer without a card reader replies that the command is unknown."""
 
     @wraps(handler)
     def handle_with_reader(state: FirmwareState, command: Command) -> Steps | None:
@@ -45,7 +48,7 @@ def _list_files(state: FirmwareState, _: Command) -> None:
 
 
 def _mount_card(state: FirmwareState, command: Command) -> None:
-    """M21: mount the card; M22: release it."""
+    """M21: mount the card; M22: release the card."""
     state.card.stop()
     state.card.present = command.code == "M21"
     state.send_line("echo:SD card ok" if state.card.present else "echo:SD card released")
@@ -76,7 +79,7 @@ def _start_print(state: FirmwareState, command: Command) -> None:
 
 
 def _pause_print(state: FirmwareState, _: Command) -> None:
-    """M25: pause the print of the file; planned moves are still executed."""
+    """M25: pause the print from the SD card; planned moves are still executed."""
     if state.card.printing:
         state.card.stop()
         state.stop_timer()
@@ -91,7 +94,7 @@ def _set_read_position(state: FirmwareState, command: Command) -> None:
 
 
 def _report_progress(state: FirmwareState, command: Command) -> None:
-    """M27: report the progress, once or every S seconds; with C, report the file name instead."""
+    """M27: report the print progress, once or every S seconds; with C, report the file name instead."""
     seconds = command.value("S")
     if "C" in command.words:
         state.send_line(f"Current file: {state.card.selected or '(no file)'}")
@@ -108,7 +111,7 @@ def _format_progress(state: FirmwareState) -> str:
 
 
 def _start_writing_file(state: FirmwareState, command: Command) -> None:
-    """M28: start writing the following lines to a file."""
+    """M28: open a file on the card and write the following lines to it."""
     name = _file_name(command)
     if not state.card.present or not name:
         state.send_line(f"open failed, File: {name}.")
@@ -119,7 +122,7 @@ def _start_writing_file(state: FirmwareState, command: Command) -> None:
 
 
 def write_to_file(state: FirmwareState, text: str) -> None:
-    """Write a command to the open file; M29 closes the file."""
+    """Write a command to the file that M28 has opened; M29 closes this file."""
     if text.startswith("M29"):
         state.card.end_file()
         state.send_line("Done saving file.")
@@ -146,7 +149,7 @@ def _print_file(state: FirmwareState, command: Command) -> None:
 
 
 def abort_print(state: FirmwareState, _: Command | None = None) -> None:
-    """M524: abort the print of the file and switch the heaters off."""
+    """M524: abort the print from the SD card and switch the heaters off."""
     if not state.card.printing:
         return
     state.card.select_file("")
@@ -158,7 +161,7 @@ def abort_print(state: FirmwareState, _: Command | None = None) -> None:
 
 
 def finish_print(state: FirmwareState) -> None:
-    """End the print after the last line of the file."""
+    """End the print from the SD card after the last line of the file."""
     state.card.stop()
     state.card.at = 0
     state.stop_timer()
@@ -166,7 +169,7 @@ def finish_print(state: FirmwareState) -> None:
 
 
 def _ignore_end_of_writing(_: FirmwareState, __: Command) -> None:
-    """M29 without an open file: accept the command and do nothing."""
+    """M29 when no file is open for writing: accept the command and do nothing."""
 
 
 TABLE: Final = {

@@ -56,11 +56,11 @@ _TABLES: Final[dict[tuple[str, str], dict[str, Handler]]] = {
 }
 
 _match_extended: Final = re.compile(r"(?i)_?[A-Z]+_[A-Z_]+\b").match
-"""Match an extended command of Klipper: a word with an underscore, in either case."""
+"""Matches an extended command of Klipper: a word with an underscore, in upper or lower case."""
 
 
 def start_command(state: FirmwareState, text: str) -> Steps | None:
-    """Start a command; return its remaining steps, or None if it is done at once."""
+    """Start a command; return its remaining steps, or None if the command is complete already."""
     command = Command(text, any_case=state.firmware.any_case)
     code = command.code or command.name
     if state.shut_down and code not in klipper.ALLOWED_AFTER_SHUTDOWN:
@@ -81,7 +81,7 @@ def start_command(state: FirmwareState, text: str) -> Steps | None:
 
 
 def _run_start_macro(state: FirmwareState, text: str) -> Steps:
-    """Execute a start macro of the printer: home, then heat to the temperatures that the macro gets."""
+    """Execute a start macro of the printer: home, then heat to the temperatures in the macro's parameters."""
     temperatures = macro_temperatures(text)
     codes = {"bed": "M190", "nozzle": "M109"}
     lines = [] if all(state.homed) else ["G28"]
@@ -91,10 +91,10 @@ def _run_start_macro(state: FirmwareState, text: str) -> Steps:
         if steps is not None:
             yield from steps
     if state.hotend.target < state.coldest_extrusion:
-        # The macro sets its own temperature, which is not known here.
+        # Without a parameter, the macro chooses the temperature, which is not known here.
         state.cold_allowed, state.hot = True, False
 
 
 def choose_move_executor(firmware: SimulatedFirmware) -> MoveExecutor:
-    """Return the function that executes an ordinary G0 or G1; it skips the command tables to be fast."""
+    """Return the function that executes an ordinary G0 or G1 directly, without the slower command tables."""
     return klipper.execute_move if firmware.language == "klipper" else move_commands.execute_move

@@ -1,4 +1,4 @@
-"""G-code commands that other firmwares than Marlin 2 add or define differently.
+"""G-code commands that Marlin 2 does not have, or that other firmwares define differently.
 
 The simulated printer replies as Marlin does; these tables let it execute files for other firmwares. The `firmware`
 package names the sources.
@@ -41,7 +41,7 @@ def _set_velocity_limit(state: FirmwareState, command: Command) -> None:
 
 
 def _set_retraction(state: FirmwareState, command: Command) -> None:
-    """SET_RETRACTION of Klipper: set lengths and speeds of retraction."""
+    """SET_RETRACTION of Klipper: set the lengths and speeds of retraction."""
     names = ("RETRACT_LENGTH", "RETRACT_SPEED", "UNRETRACT_SPEED", "UNRETRACT_EXTRA_LENGTH")
     new = zip((command.setting(name) for name in names), state.retraction, strict=True)
     length, back, forward, extra = (old if value is None else value for value, old in new)
@@ -49,13 +49,13 @@ def _set_retraction(state: FirmwareState, command: Command) -> None:
 
 
 def _set_speeds_per_minute(state: FirmwareState, command: Command) -> None:
-    """M203 of RepRapFirmware: set maximum speeds in mm/min."""
+    """M203 of RepRapFirmware: set the maximum speed of each axis, in mm/min."""
     new = {axis: value / _SECONDS_PER_MINUTE for axis, value in positive_values(command, AXES).items()}
     state.set_limits(replace(state.limits, max_speed=replace_axis_values(state.limits.max_speed, new)))
 
 
 def _set_jerks_per_minute(state: FirmwareState, command: Command) -> None:
-    """M566 of RepRapFirmware: set jerk in mm/min."""
+    """M566 of RepRapFirmware: set the jerk of each axis, in mm/min."""
     new = {axis: value / _SECONDS_PER_MINUTE for axis, value in positive_values(command, AXES).items()}
     state.set_limits(replace(state.limits, jerk=replace_axis_values(state.limits.jerk, new)))
 
@@ -71,7 +71,7 @@ def _set_travel_acceleration(state: FirmwareState, command: Command) -> None:
 
 
 def _set_jerks(state: FirmwareState, command: Command) -> None:
-    """M207 of Repetier: set jerk; X applies to Y too."""
+    """M207 of Repetier: set the jerk; the value of X applies to Y too."""
     new = positive_values(command, AXES)
     new |= {"Y": new["X"]} if "X" in new else {}
     state.set_limits(replace(state.limits, jerk=replace_axis_values(state.limits.jerk, new)))
@@ -109,7 +109,7 @@ DIALECT_COMMANDS: Final[dict[str, dict[str, Callable[[FirmwareState, Command], S
         "G0": move_straight_reading_zeros,
         "G1": move_straight_reading_zeros,
         "G80": probe_bed,
-        "M403": ignore_command,  # filament type for the MMU
+        "M403": ignore_command,  # sets the filament type of the multi-material unit
         "M862.1": ignore_command,  # checks that nozzle, model and firmware fit the file
         "M862.2": ignore_command,
         "M862.3": ignore_command,

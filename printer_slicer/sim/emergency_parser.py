@@ -1,4 +1,4 @@
-"""The emergency parser, which recognizes urgent commands as their bytes arrive.
+"""The emergency parser, which recognizes urgent commands as soon as their bytes arrive.
 
 It knows M108, M112, M410, M524 and M876, but not S000, P000 and R000 of Marlin's real-time reporting.
 """

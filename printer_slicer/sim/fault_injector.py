@@ -9,7 +9,7 @@ __all__ = ["FaultInjector"]
 
 
 class FaultInjector(Protocol):
-    """Injects faults into a printer at given times; see `faults.Faults`.
+    """Injects faults into a simulated printer; implemented by `faults.Faults`.
 
     Attributes:
         due: time of the next fault that starts at a given time, s.
@@ -18,10 +18,10 @@ class FaultInjector(Protocol):
     due: float
 
     def attach_to(self, printer: Any) -> None:
-        """Attach the faults to a printer."""
+        """Connect these faults to the printer that they act on."""
 
     def wrap_callback(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
-        """Return a callback for executed commands that also detects faults due at a line or layer."""
+        """Return a callback for executed commands that also detects faults that must start now."""
 
     def inject_due_faults(self, now: float) -> None:
-        """Inject all faults that are due at `now`, s."""
+        """Inject all faults whose start time has come at `now`, s."""

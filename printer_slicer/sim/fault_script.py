@@ -39,7 +39,7 @@ _KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "clog": ("share", "seconds"),
     "runout": (),
 }
-"""Keys of each kind of fault, besides those for its start."""
+"""Keys of each kind of fault, besides the keys that say when the fault starts."""
 
 _REQUIRED_KEY: Final[Mapping[str, str]] = {
     **dict.fromkeys(("flip", "drop", "insert", "duplicate"), "rate"),
@@ -47,12 +47,12 @@ _REQUIRED_KEY: Final[Mapping[str, str]] = {
     "sensor": "temperature",
 }
 _OLD_NAMES: Final[Mapping[str, str]] = {"way": "direction", "reads": "temperature"}
-"""Former names of keys, until version 0.2, with the present ones."""
+"""Names that keys had until version 0.2, with their present names."""
 _START_KEYS: Final = ("line", "layer", "z", "time")
 
 
 def _make_number_check(low: float, high: float, *, whole: bool = False) -> tuple[str, Callable[[Any], bool]]:
-    """Return the description of a number within bounds, and a function that checks it."""
+    """Return a description of the numbers within bounds, and a function that checks a number."""
     kinds = (int,) if whole else (int, float)
     description = f"a {'whole ' if whole else ''}number from {low:g} to {high:g}"
     return (
@@ -67,7 +67,7 @@ def _make_number_check(low: float, high: float, *, whole: bool = False) -> tuple
 
 
 def _make_choice_check(*names: str) -> tuple[str, Callable[[Any], bool]]:
-    """Return the description of a choice of words, and a function that checks it."""
+    """Return a description of the allowed words, and a function that checks a word."""
     return "one of " + ", ".join(f'"{name}"' for name in names), lambda value: value in names
 
 
@@ -90,7 +90,7 @@ _VALUE_CHECKS: Final[Mapping[str, tuple[str, Callable[[Any], bool]]]] = {
 
 
 def read_script(text: str, name: str) -> tuple[list[Fault], int | None]:
-    """Return the faults of a script, in order, and its random seed, None without one.
+    """Return the faults of a script in their order, and the random seed of the script or None.
 
     Args:
         text: text of the script, TOML.
@@ -140,7 +140,7 @@ def _parse_fault(keys: dict[str, Any], place: str) -> Fault:
     moments = [key for key in _START_KEYS if key in keys]
     if len(moments) > 1:
         raise UsageError(
-            f"{place}: it has both {moments[0]} and {moments[1]}",
+            f"{place}: {moments[0]} and {moments[1]} exclude each other",
             remedy="Use only one of line, layer, z and time",
         )
     required = _REQUIRED_KEY.get(kind)
@@ -153,7 +153,7 @@ def _parse_fault(keys: dict[str, Any], place: str) -> Fault:
 
 
 def _check_key(key: str, value: object, known: tuple[str, ...], place: str) -> None:
-    """Raise an error if a fault has an unknown key or an invalid value for it."""
+    """Raise an error if a key of a fault is unknown or its value is invalid."""
     if key not in known:
         raise UsageError(
             f"{place}: unknown key {key}",
@@ -165,6 +165,6 @@ def _check_key(key: str, value: object, known: tuple[str, ...], place: str) -> N
 
 
 def _suggest_word(word: str, known: tuple[str, ...], otherwise: str) -> str:
-    """Return a remedy that suggests the closest known word, or the remedy `otherwise` if none is close."""
+    """Return a remedy that suggests the closest known word; return `otherwise` if no word is close."""
     close = get_close_matches(word, known, n=1)
     return f"Did you mean {close[0]}? {otherwise}" if close else otherwise

@@ -1,12 +1,12 @@
 """Reproducible faults of the simulated printer and its cable.
 
 kind         affects    what happens
-flip         cable      a bit flips, in a share `rate` of the bytes
+flip         cable      one bit flips in each affected byte; `rate` is the share of affected bytes
 drop         cable      bytes are lost
 insert       cable      extra bytes appear
 duplicate    cable      bytes arrive twice
 burst        cable      a single burst of noise, `bytes` long
-lose_reply   cable      a share `rate` of the ok replies is lost, at most `count`
+lose_reply   cable      ok replies are lost: the share `rate` of them, and at most `count`
 disconnect   cable      the cable is unplugged
 hang         printer    the main loop hangs
 brown_out    printer    the firmware resets
@@ -14,7 +14,7 @@ heater       printer    a heater is stuck in a `state`, "off" or "on"
 sensor       printer    a thermistor always reads the same `temperature`
 endstop      printer    the endstop of an `axis` never triggers
 clog         printer    a `share` of the fed filament does not come out
-runout       printer    the filament ends
+runout       printer    the filament runs out
 
 A fault starts at a line number, a layer, a height z, a time, or at once. It lasts for `seconds` or for ever. All random
 numbers come from one generator, so runs with the same seed, faults and host are identical.
@@ -49,7 +49,7 @@ _OK_LINE: Final = re.compile(rb"ok[^\n]*\n")
 
 
 class Fault(Struct, frozen=True):
-    """A fault to inject.
+    """A fault to inject, with its start, its duration and the properties of its kind.
 
     Attributes:
         kind: see the table above.
@@ -124,15 +124,15 @@ class Faults:
         self._printer: SimulatedPrinter | None = None
 
     def attach_to(self, printer: SimulatedPrinter) -> None:
-        """Attach the faults to a printer."""
+        """Connect these faults to the printer that they act on."""
         self._printer = printer
         self._update_due_times()
 
     def wrap_callback(self, on_executed: Callable[[str], None] | None) -> Callable[[str], None]:
-        """Return a callback for executed commands that also detects faults due at a line, layer or height."""
+        """Return a callback for executed commands that also detects faults that must start now."""
 
         def check_faults(text: str) -> None:
-            """Pass the command on, and interrupt the printer if a fault is due."""
+            """Pass the executed command on, and interrupt the printer if a fault must start now."""
             printer = self._printer
             assert printer is not None
             if on_executed is not None:
@@ -145,14 +145,14 @@ class Faults:
         return check_faults
 
     def inject_due_faults(self, now: float) -> None:
-        """Start and end all faults that are due at `now`, s."""
+        """Start and end all faults whose time has come at `now`, s."""
         printer = self._printer
         assert printer is not None
         layers, z = self._find_layer_and_height(printer)
         line = printer.line_number
         starting = [one for one in self._waiting if self._is_due(one, now, line, layers, z)]
         self._waiting = [one for one in self._waiting if not self._is_due(one, now, line, layers, z)]
-        self._update_due_times()  # before a fault resets the printer, which reads `due`
+        self._update_due_times()  # first, because a fault may reset the printer, which then reads `due`
         for fault in starting:
             self.events.append(FaultEvent(now, line, _describe_fault(fault)))
             self._start_fault(fault, printer, now)
@@ -179,7 +179,7 @@ class Faults:
         return (layers if self.current_layer is None else self.current_layer()), z
 
     def _is_due(self, fault: Fault, now: float, line: int, layers: int, z: float) -> bool:
-        """Return whether a fault is due at a time, s, line number, layer and height, mm."""
+        """Return whether a fault must start, given the time, s, line number, layer number and height, mm."""
         if fault.line is not None:
             return line >= fault.line
         if fault.layer is not None:
@@ -230,7 +230,7 @@ class Faults:
             printer.state.set_clogged_share(0.0)
 
     def _set_heater_fault(self, fault: Fault, printer: SimulatedPrinter, now: float, *, broken: bool) -> None:
-        """Break or repair the heater of a fault, if the machine has it."""
+        """Break or repair the heater that a fault names, if the machine has this heater."""
         state = printer.state
         if fault.heater not in state.heaters.protections:
             return
@@ -245,7 +245,7 @@ class Faults:
         state.record_heater_fault(fault.heater)
 
     def _corrupt(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
-        """Return the bytes that arrive if a fault acts on `data`."""
+        """Return what arrives of `data` at the other end while a fault damages the cable."""
         if fault.kind == "burst":
             del self._occurrences[fault]
             return bytes(self._chance.randrange(256) for _ in range(fault.bytes)) + data
@@ -258,11 +258,11 @@ class Faults:
         return b"".join(self._corrupt_byte(fault, byte) for byte in data)
 
     def _pass_or_lose_reply(self, fault: Fault, reply: bytes) -> bytes:
-        """Return a reply, or no bytes if the fault makes it disappear."""
+        """Return a reply unchanged, or no bytes if the fault deletes the reply."""
         return b"" if self._decide_if_affected(fault) else reply
 
     def _corrupt_byte(self, fault: Fault, byte: int) -> bytes:
-        """Return the bytes that arrive for one byte while a fault acts."""
+        """Return the bytes that arrive instead of one sent byte while a fault damages the cable."""
         if not self._decide_if_affected(fault):
             return bytes((byte,))
         if fault.kind == "flip":
@@ -272,7 +272,7 @@ class Faults:
         return bytes((byte, byte)) if fault.kind == "duplicate" else b""
 
     def _decide_if_affected(self, fault: Fault) -> bool:
-        """Decide at random whether the next byte or reply is affected; end a fault that has reached its count."""
+        """Decide at random whether a fault affects the next byte or reply; end it at its maximum count."""
         struck = self._occurrences.get(fault)
         if struck is None or self._chance.random() >= fault.rate:
             return False
@@ -283,7 +283,7 @@ class Faults:
 
 
 def _describe_fault(fault: Fault) -> str:
-    """Return the description of a fault for `FaultEvent`."""
+    """Return the text that describes a fault in its `FaultEvent`."""
     lasting = f" for {fault.seconds:g} s" if fault.seconds < inf else ""
     return {
         "burst": f"{fault.bytes} bytes of noise {fault.direction}",

@@ -1,4 +1,4 @@
-"""The state of the simulated firmware between commands, and the operations that its commands share."""
+"""The state of the simulated firmware between commands, and the operations that several commands use."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _POSITIONING: Final[dict[str, Literal["either", "apart"]]] = {
     "prusa": "apart",
     "reprapfirmware": "apart",
 }
-"""How G90 and M82 affect E in each dialect; dialects that are not listed count as "together"."""
+"""How G90 and M82 affect E in each dialect; "together" applies to dialects that are not listed."""
 
 MAX_UNSENT_LINES: Final = 4096
-"""Output lines kept for a host that does not read. Automatic reports are dropped beyond that."""
+"""Maximum number of output lines kept for a host that does not read; further reports are dropped."""
 
 
 class FirmwareState:
-    """Position, modes, heaters and pending output of the simulated printer.
+    """The state of the simulated firmware: position, modes, heaters and pending output.
 
     Attributes:
         now: simulated time, s.
@@ -124,7 +124,7 @@ class FirmwareState:
         self.timer_began: float | None = None
 
     def send_line(self, line: str) -> None:
-        """Send one line to the host."""
+        """Send one line of text to the host."""
         self.out.append(line + "\n")
 
     def send_report(self, line: str) -> None:
@@ -146,21 +146,21 @@ class FirmwareState:
         self.due = min(moment for moment, _ in self._alarms.values())
 
     def report_every(self, name: str, seconds: float, format_report: Callable[[], str]) -> None:
-        """Send a report at an interval, s; 0 stops the report of this name."""
+        """Send a report every `seconds`; 0 stops the report of this name."""
 
         def send_and_repeat() -> None:
-            """Send the report and set the alarm for the next one."""
+            """Send the report, and set the alarm for the next report."""
             self.send_report(format_report())
             self.set_alarm(name, self.now + seconds, send_and_repeat)
 
         self.set_alarm(name, self.now + seconds if seconds > 0.0 else inf, send_and_repeat)
 
     def record_violation(self, text: str) -> None:
-        """Record that the current command did something that a real printer would reject or suffer from."""
+        """Record that a real printer would reject the current command or be harmed by it."""
         self.statistics.record_violation(text)
 
     def reply_unknown_command(self, text: str) -> None:
-        """Reply to an unknown command."""
+        """Send the firmware's reply to an unknown command."""
         if self.firmware.unknown_reply:
             self.send_line(self.firmware.unknown_reply.format(text=text))
         self.record_violation("unknown command")
@@ -187,11 +187,11 @@ class FirmwareState:
 
     @property
     def busy_report(self) -> str:
-        """The report sent while a command takes time."""
+        """The report that the firmware sends while a command takes time."""
         return f"echo:busy: {self.busy_with}"
 
     def apply_flow_cooling(self) -> None:
-        """Update the hotend for the heat that the filament has carried away since the last call."""
+        """Cool the hotend by the heat that flowing filament has carried away since the last call."""
         if not self.heaters.steady:
             self.heaters.apply_flow_cooling(self.motion_queue.position(self.now)[3], self.now)
 
@@ -213,7 +213,7 @@ class FirmwareState:
         self.set_alarm("heaters", self.heaters.next_check_time, self._check_heaters)
 
     def _check_heaters(self) -> None:
-        """Halt the firmware if a heater is out of control, and set the alarm for the next check."""
+        """Halt the firmware if a heater is out of control; else set the alarm for the next check."""
         if self.shut_down:
             return
         self.apply_flow_cooling()
@@ -287,7 +287,7 @@ class FirmwareState:
             self.timer_began = None
 
     def queue_pause(self, seconds: float) -> Steps:
-        """Queue a pause of this duration, s, behind the planned moves."""
+        """Queue a pause of `seconds` behind the planned moves."""
         motion_queue, stops = self.motion_queue, self.stops
         motion_queue.advance(self.now)
         while motion_queue.free_places <= 0:
@@ -319,7 +319,7 @@ class FirmwareState:
         self.statistics.filament_fed -= unfed
 
     def kill(self, reason: str) -> None:
-        """Halt the firmware: heaters off, no motion, no replies; Klipper still replies that it is shut down."""
+        """Halt the firmware: no heating, motion or replies, except Klipper's reply that it is shut down."""
         for line in self.firmware.halt_messages:
             self.send_line(line.format(reason=reason))
         self.send_action("poweroff")
@@ -335,7 +335,7 @@ class FirmwareState:
             self.killed = reason
 
     def handle_homing_failure(self, axis: str) -> None:
-        """React to an endstop that never triggers: halt or switch the motors off, depending on the firmware."""
+        """React to an endstop that never triggers: depending on the firmware, halt or switch motors off."""
         self.record_violation("an endstop never closed")
         if not self.firmware.homing_failed_message:
             self.kill("Homing Failed")
@@ -345,7 +345,7 @@ class FirmwareState:
         self.update_clipping()
 
     def inherit_hardware(self, old: FirmwareState) -> None:
-        """Take over temperatures, spool and faults of the hardware from the state before a reset."""
+        """Copy the temperatures, the spool and the hardware faults from the state before a reset."""
         for heater, before in zip(self.heaters.all_heaters(), old.heaters.all_heaters(), strict=True):
             heater.inherit_temperature(before, old.now)
         self.spool_end = old.spool_end - old.filament
@@ -355,7 +355,7 @@ class FirmwareState:
             self.record_heater_fault(name)
 
     def set_clogged_share(self, share: float) -> None:
-        """Set the share of fed filament that does not come out of the nozzle from now on."""
+        """Set which share of the fed filament does not come out of the nozzle from now on."""
         fed = self.statistics.filament_fed
         self.statistics.filament_missing += (fed - self._clogged_from) * self.clogged
         self._clogged_from, self.clogged = fed, share
@@ -363,7 +363,7 @@ class FirmwareState:
             self.statistics.move_log.set_clogged_share(share)
 
     def run_out_of_filament(self) -> None:
-        """Handle the end of the spool: with a sensor, request a filament change; without one, extrude nothing more."""
+        """Handle the end of the spool: with a sensor, request a filament change; else stop extruding."""
         self.spool_end = inf
         self.statistics.runouts += 1
         if self.machine.runout_sensor:

@@ -83,7 +83,7 @@ MARLIN_2_0_AVR: Final = SimulatedFirmware(
     receive_buffer=127,
     flushes_on_error=True,
     repeats_dropped=0,
-    # Measured: an ATmega2560 at 115200 baud replies 0.5 ms later than the transmission time explains.
+    # Measured: an ATmega2560 at 115200 baud replies 0.5 ms later than the transmission alone takes.
     seconds_per_line=0.0005,
     # TX_BUFFER_SIZE 0, the default: sending blocks.
     seconds_per_byte=10 / 115_200,

@@ -1,4 +1,4 @@
-"""A heater as a lumped thermal mass, solved exactly instead of step by step.
+"""A simulated heater: one thermal mass whose temperature is computed exactly, without time steps.
 
 The element heats the mass, which loses heat to the room in proportion to the temperature difference. The controller
 gives full power far below the target and none far above. In between it gives the power that holds the target plus a
@@ -21,7 +21,7 @@ from printer_slicer.values import Struct
 __all__ = ["Element", "Heater", "HeaterSpec"]
 
 Element = Literal["works", "off", "on"]
-"""State of a heating element: working, stuck off, or stuck on."""
+"""State of a heating element: it works, is stuck off, or is stuck on."""
 
 CONTROL_BAND: Final = 10.0
 """Distance below the target, °C, beyond which the controller gives full power; Marlin's PID_FUNCTIONAL_RANGE."""
@@ -50,7 +50,7 @@ class HeaterSpec(Struct, frozen=True):
 
 
 class Heater:
-    """The temperature of one heater over time.
+    """A simulated heater, whose temperature can be computed at any later time.
 
     Attributes:
         spec: properties of the heater.
@@ -84,7 +84,7 @@ class Heater:
         return self.element != "works" or self.stuck_at is not None
 
     def temperature(self, now: float) -> float:
-        """Return the temperature, °C, at the time `now`, s, which must not decrease from call to call."""
+        """Return the temperature, °C, at `now`, s; later calls must not have an earlier `now`."""
         left = now - self._when
         self._when = now
         while left > 0.0:
@@ -124,14 +124,14 @@ class Heater:
         self.stuck_at = stuck_at if element != "works" else None
 
     def inherit_temperature(self, before: Heater, now: float) -> None:
-        """Take over temperature and faults of the heater before a reset at `now`, s; the heater is off."""
+        """Copy temperature and faults from the heater before a reset at `now`, s; stay switched off."""
         self._temperature = before.temperature(now)
         self._when = now
         self.peak = before.peak
         self.element, self.stuck_at = before.element, before.stuck_at
 
     def seconds_until(self, temperature: float, now: float) -> float:
-        """Return the time from `now`, s, until a temperature is first reached, s; infinite if it never is."""
+        """Return the seconds from `now` until a temperature is first reached; infinite for never."""
         at = self.temperature(now)
         seconds = 0.0
         while at != temperature:
@@ -165,7 +165,7 @@ class Heater:
         )
 
     def _find_temperature_curve(self, at: float) -> tuple[float, float, float]:
-        """Return asymptote (°C), time constant (s) and end (°C) of the exponential at the temperature `at`.
+        """Return the exponential curve from temperature `at`: asymptote, °C, time constant, s, and end, °C.
 
         The end is the edge of the current range, or the asymptote if the temperature stays in this range.
         """
@@ -178,7 +178,7 @@ class Heater:
         gain, holding = self._controller_gain(), self._holding_power()
         low = self.target - (spec.power - holding) / gain
         high = self.target + max(holding, 0.0) / gain
-        # This form gives exactly the target if there is no flow.
+        # This formula gives exactly the target if no filament flows.
         middle = self.target - flow * (self.target - self._ambient) / (gain + loss)
         if at < low or (at == low and middle < low):
             asymptote = self._ambient + spec.power / loss
@@ -195,7 +195,7 @@ class Heater:
 
 
 def _seconds_to_reach(start: float, asymptote: float, tau: float, goal: float) -> float:
-    """Return the time until an exponential from `start` reaches `goal`, s; infinite if it never does."""
+    """Return the time, s, in which an exponential curve from `start` reaches `goal`; infinite for never."""
     if goal == start:
         return 0.0 if start != asymptote else inf
     ratio = (asymptote - start) / (asymptote - goal) if goal != asymptote else 0.0

@@ -17,7 +17,7 @@ __all__ = ["TABLE", "set_tool_temperature", "wait_for_all_heaters"]
 REPORT_INTERVAL: Final = 1.0
 COOLING_CHECK_SECONDS: Final = 60.0
 MIN_COOLING: Final = 1.5
-"""A wait for cooling ends when the heater cools by less than 1.5 °C in a minute; else M109 R0 would never end."""
+"""A wait for cooling ends if the heater cools less than this in a minute, °C; M109 R0 would never end."""
 
 
 def _set_hotend_temperature(state: FirmwareState, command: Command) -> None:
@@ -58,7 +58,7 @@ def _heat_bed_and_wait(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _set_target(state: FirmwareState, heater: Heater, command: Command, letters: str) -> bool:
-    """Set the target from the first of these letters that has a number; return whether one has."""
+    """Set the target from the first of these letters with a number; return whether there is such a letter."""
     for letter in letters:
         target = command.value(letter)
         if target is not None:
@@ -66,7 +66,7 @@ def _set_target(state: FirmwareState, heater: Heater, command: Command, letters:
             if target > highest:
                 name = "bed" if heater is state.bed else "hotend"
                 state.record_violation(
-                    f"{name} asked for {target:.0f} °C, the printer allows {highest:.0f} °C"
+                    f"{name} target {target:.0f} °C is above the maximum of {highest:.0f} °C"
                 )
             state.set_heater_target(heater, min(max(target, 0.0), highest))
             return True
@@ -84,7 +84,7 @@ def _set_target_and_wait(state: FirmwareState, heater: Heater, command: Command)
 
 
 def _wait_for_target(state: FirmwareState, heater: Heater) -> Steps:
-    """Wait until the temperature has been near the target for some time; send a report every second.
+    """Wait until the temperature has stayed near the target for some time; send a report every second.
 
     As in Marlin, there is no wait if the heater is near the target at the start.
     """
@@ -118,13 +118,13 @@ def _wait_for_target(state: FirmwareState, heater: Heater) -> Steps:
 
 
 def _estimate_wait(heater: Heater, now: float, began: float) -> tuple[float, float]:
-    """Return the times at which the temperature will be near the target and at which the wait will end, s."""
+    """Return when the temperature will get near the target, and when the wait will end, both in s."""
     arrives = _estimate_arrival(heater, now)
     return arrives, began if arrives == began else arrives + heater.spec.residency
 
 
 def _send_wait_report(state: FirmwareState, rest: str) -> None:
-    """Send the temperature report of a wait, with the remaining seconds."""
+    """Send the temperature report of a waiting command, with `rest`, the remaining seconds."""
     language = state.firmware.language
     if language == "klipper":
         state.send_report(state.format_temperature_report())
@@ -135,7 +135,7 @@ def _send_wait_report(state: FirmwareState, rest: str) -> None:
 
 
 def _estimate_arrival(heater: Heater, now: float) -> float:
-    """Return the time at which the reading enters the window around the target, s; infinite if it never does."""
+    """Return the time, s, at which the sensor reading gets near the target; infinite for never."""
     missing = heater.target - heater.reading(now)
     window = heater.spec.window
     if abs(missing) < window:
@@ -158,7 +158,7 @@ def _set_fan(state: FirmwareState, command: Command) -> None:
 
 
 def _set_cold_extrusion(state: FirmwareState, command: Command) -> None:
-    """M302: set the minimum extrusion temperature, or allow cold extrusion."""
+    """M302: set the minimum temperature for extrusion, or allow cold extrusion."""
     coldest, allowed = command.value("S"), command.value("P")
     if coldest is not None:
         state.coldest_extrusion = coldest

@@ -25,7 +25,7 @@ __all__ = ["HeaterProtection", "ProtectionLimits"]
 CHECK_INTERVAL: Final = 1.0
 
 ARRIVAL_BAND: Final = 1.0
-"""Distance below the target from which on it counts as reached, °C, because it is approached asymptotically."""
+"""A heater counts as having reached its target at this distance below it, °C."""
 
 
 class ProtectionLimits(Struct, frozen=True):
@@ -35,7 +35,7 @@ class ProtectionLimits(Struct, frozen=True):
         lowest: minimum reading of a heater that is on, °C.
         margin: tolerance above the highest target, °C.
         watch_seconds, watch_rise: a heater far below its target must rise by `watch_rise` °C in `watch_seconds`.
-        near: within this distance of the target, °C, the rise is not checked.
+        near: distance from the target, °C, within which the rise is not checked.
         hysteresis, runaway_seconds: a heater that has reached its target may be `hysteresis` °C colder for at most
             `runaway_seconds`.
     """
@@ -50,7 +50,7 @@ class ProtectionLimits(Struct, frozen=True):
 
 
 class HeaterProtection:
-    """Protection of one heater.
+    """Checks one heater for the errors in the table above.
 
     Attributes:
         due: time of the next check, s; infinite if none is needed.
@@ -75,14 +75,14 @@ class HeaterProtection:
         self.due = self._next_check_time(now)
 
     def record_fault(self, now: float) -> None:
-        """Record that a fault has broken or repaired the heater, so that it is checked at once and every second."""
+        """Record that a fault has broken or repaired the heater; check it now and then every second."""
         self._has_arrived = (
             self._has_arrived or self._heater.temperature(now) >= self._heater.target - ARRIVAL_BAND
         )
         self.due = now
 
     def check(self, now: float) -> str:
-        """Return the error of the heater at `now`, s; empty without one."""
+        """Return the error of the heater at `now`, s; empty if there is no error."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if reading > heater.spec.highest + spec.margin:
@@ -107,7 +107,7 @@ class HeaterProtection:
         return ""
 
     def record_reading(self, now: float) -> None:
-        """Record that the temperature was read at `now`, s; start checks every second if it is too low."""
+        """Record that the temperature was read at `now`, s; if it is too low, start checking every second."""
         heater = self._heater
         if heater.target <= 0.0 or self.due <= now + CHECK_INTERVAL:
             return
@@ -118,7 +118,7 @@ class HeaterProtection:
             self.due = now + CHECK_INTERVAL
 
     def _require_temperature_rise(self, now: float) -> None:
-        """Require a rise of the temperature within some time if the target is far above it."""
+        """Start to check that the temperature rises if the target is far above it."""
         heater, spec = self._heater, self._spec
         reading = heater.reading(now)
         if heater.target > 0.0 and reading < heater.target - spec.near:

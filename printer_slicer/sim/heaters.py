@@ -15,7 +15,7 @@ __all__ = ["Heaters"]
 
 
 class Heaters:
-    """The heaters of a machine: the bed, and one hotend for each extruder.
+    """All heaters of a machine: the bed, and one hotend for each extruder.
 
     Attributes:
         bed: heater of the bed.
@@ -70,7 +70,7 @@ class Heaters:
         return self.bed if name == "bed" else self.hotends[int(name[1:])]
 
     def select_tool(self, tool: int) -> None:
-        """Make an extruder the active one."""
+        """Make this extruder the active extruder."""
         self.tool, self.hotend = tool, self.hotends[tool]
 
     def apply_flow_cooling(self, fed: float, now: float) -> None:
@@ -85,7 +85,7 @@ class Heaters:
         self._melted_by = (now, fed)
 
     def start_steady_flow(self, mm: float, seconds: float) -> None:
-        """Start a constant flow of `mm` of filament in `seconds`; it lasts until `end_steady_flow`."""
+        """Start a constant flow, `mm` of filament per `seconds`, which lasts until `end_steady_flow`."""
         self.steady = True
         self.hotend.flow_loss = max(mm, 0.0) / max(seconds, 1e-9) * self._heat_per_mm
 
@@ -113,14 +113,14 @@ class Heaters:
         self.protections[name].record_fault(now)
 
     def find_fault(self, now: float) -> tuple[str, str] | None:
-        """Return the name of a heater that is out of control, and its error; None if there is none."""
+        """Return the name and the error of a heater that is out of control; None if all heaters work."""
         for name, protection in self.protections.items():
             if protection.due <= now and (error := protection.check(now)):
                 return name, error
         return None
 
     def format_temperatures(self, language: Literal["marlin", "klipper", "virtual"], now: float) -> str:
-        """Return all temperatures as in the reply to M105."""
+        """Return the temperatures of all heaters in the format of the reply to M105."""
         for protection in self.protections.values():
             protection.record_reading(now)
         bed, hotends = self.bed, list(enumerate(self.hotends))
@@ -144,12 +144,12 @@ class Heaters:
 
 
 def _format_temperature(heater: Heater, now: float, decimals: int = 2) -> str:
-    """Format temperature and target of a heater as Marlin and Klipper do."""
+    """Return the temperature and target of a heater in the format of Marlin and Klipper."""
     return f"{heater.reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
 
 
 def _format_virtual(heater: Heater, now: float) -> str:
-    """Format temperature and target of a heater as OctoPrint's virtual printer does."""
+    """Return the temperature and target of a heater in the format of OctoPrint's virtual printer."""
     return f"{heater.reading(now):.2f}/ {heater.target:.2f}"
 
 

@@ -1,4 +1,4 @@
-"""Commands that Klipper handles differently from Marlin: rejections, error messages, replies after a shutdown.
+"""Commands that Klipper handles differently: its rejections, errors and replies after a shutdown.
 
 Every line gets an ok. Errors are lines that start with `!!`.
 """
@@ -54,7 +54,7 @@ SHARED_COMMANDS: Final = frozenset(
         *("M109", "M110", "M112", "M114", "M115", "M119", "M140", "M190", "M204", "M220", "M221", "M400"),
     )
 )
-"""Commands of Marlin that Klipper knows too, in the configuration that was recorded."""
+"""Commands of Marlin that Klipper knows too, with the configuration from which replies were recorded."""
 
 RESTART_SECONDS: Final = 1.7
 MAX_EXTRUDE_ONLY_LENGTH: Final = 50.0
@@ -77,7 +77,7 @@ def send_shutdown_reply(state: FirmwareState) -> None:
 
 
 def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> Steps | None:
-    """G0 and G1: reject an invalid move as a whole; Marlin would execute part of it."""
+    """G0 and G1: reject an invalid move completely, whereas Marlin would execute part of the move."""
     if state.shut_down:
         send_shutdown_reply(state)
         return None
@@ -101,7 +101,7 @@ _CONFIG_OPTIONS: Final = {
 
 
 def _explain_unreachable(state: FirmwareState, goal: Axes) -> str:
-    """Return the error for a target that cannot be reached; empty if it can be reached."""
+    """Return the error message for a target that cannot be reached; empty for a reachable target."""
     x, y, z, e = goal
     here = f"{x:.3f} {y:.3f} {z:.3f} [{e:.3f}]"
     low, high = state.machine.box_min, state.machine.box_max
@@ -114,7 +114,7 @@ def _explain_unreachable(state: FirmwareState, goal: Axes) -> str:
 
 
 def _explain_rejected_extrusion(state: FirmwareState, goal: Axes) -> str:
-    """Return the error for an extrusion that is not allowed; empty if it is allowed."""
+    """Return the error message for an extrusion that is not allowed; empty for an allowed extrusion."""
     fed = (goal[3] - state.position[3]) * state.e_ratio
     if not fed:
         return ""
@@ -135,7 +135,7 @@ def _explain_rejected_extrusion(state: FirmwareState, goal: Axes) -> str:
 
 
 def reject_invalid_numbers(state: FirmwareState, command: Command) -> bool:
-    """Reject a move with an invalid number, such as `G1 Z.2.3`; return whether it was rejected."""
+    """Reject a move with an invalid number, such as `G1 Z.2.3`; return whether the move was rejected."""
     if not command.letters_without_number("XYZEF"):
         return False
     state.send_line(f"!! Unable to parse move '{command.text}'")
@@ -151,7 +151,7 @@ def _move_if_valid(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _queue_dwell(state: FirmwareState, command: Command) -> Steps | None:
-    """G4: queue a pause, as a move without distance."""
+    """G4: queue a pause behind the planned moves."""
     seconds = command.value("S") or (command.value("P") or 0.0) / 1000.0
     if seconds <= 0.0:
         return None
@@ -161,7 +161,7 @@ def _queue_dwell(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _queue_dwell_and_wait(state: FirmwareState, seconds: float) -> Steps:
-    """Queue a pause; if it is long, wait for its end."""
+    """Queue a pause; wait for the end of a long pause."""
     yield from state.queue_pause(seconds)
     if seconds > state.firmware.ahead_seconds:  # a longer pause is acknowledged at its end
         yield from state.wait_until(state.now + seconds)
@@ -180,7 +180,7 @@ def _send_text(state: FirmwareState, command: Command) -> None:
 
 
 def _emergency_stop(state: FirmwareState, _: Command) -> None:
-    """M112: record the emergency stop; the shutdown took effect when the line was queued."""
+    """M112: record the emergency stop; the firmware already shut down when this line was queued."""
     state.record_violation("emergency stop")
     if not state.shut_down:
         state.kill("M112 Shutdown")
@@ -198,7 +198,7 @@ def _restart_firmware(state: FirmwareState, _: Command) -> None:
 
 
 def _set_temperature(code: str, command: Command, state: FirmwareState) -> Steps | None:
-    """Set a temperature; reject one that is out of range, instead of clipping it."""
+    """Set a temperature; reject a temperature that is out of range instead of lowering it."""
     heater = state.bed if code in {"M140", "M190"} else state.hotend
     target = command.value("S")
     if target is not None and not 0.0 <= target <= heater.spec.highest:

@@ -18,7 +18,7 @@ PACKET_BYTES: Final = 62
 
 
 class LatencyTimer:
-    """Delay of bytes to the computer by the latency timer.
+    """Delays bytes on their way to the computer, as the latency timer of the chip does.
 
     Args:
         seconds: period of the timer, s; 0: no delay.
@@ -32,7 +32,7 @@ class LatencyTimer:
         self._due = inf
 
     def add_bytes(self, data: bytes, at: float) -> None:
-        """Add bytes from the serial line, the last of which arrived at `at`, s."""
+        """Add bytes from the serial line; the last byte arrived at `at`, s."""
         if self._seconds <= 0.0:
             self._ready += data
             return
@@ -48,7 +48,7 @@ class LatencyTimer:
             self._due = max(self._last + ticks * self._seconds, at)
 
     def release(self, now: float) -> bytes:
-        """Return the bytes that reach the computer by `now`, s, and were not returned before."""
+        """Return the bytes that have reached the computer until `now`, s, since the last call."""
         if self._waiting and self._due <= now:
             self._ready += self._waiting
             self._waiting = b""
@@ -57,5 +57,5 @@ class LatencyTimer:
         return ready
 
     def next_event_time(self) -> float:
-        """Return the time at which the timer expires, s; infinite if no bytes wait."""
+        """Return the time, s, at which the timer expires; infinite if there are no bytes to send."""
         return self._due

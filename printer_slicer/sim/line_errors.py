@@ -15,7 +15,7 @@ __all__ = ["LineErrorReplies"]
 
 
 class LineErrorReplies:
-    """Sends the replies to lines that `LineReader` rejected, skipped or lost.
+    """Sends the firmware's replies to lines that `LineReader` rejected, skipped or lost.
 
     Attributes:
         needs_resend: whether the resend request for a rejected line has not been sent yet.
@@ -38,7 +38,7 @@ class LineErrorReplies:
         self._statistics = statistics
 
     def send_reply(self) -> None:
-        """Reply to a line that was not accepted, or to a buffer overflow after everything was read."""
+        """Reply to a line that was not accepted, or to a buffer overflow once all received bytes are read."""
         reader = self._reader
         if reader.is_rejected:
             self._report_line_error()
@@ -60,13 +60,13 @@ class LineErrorReplies:
             self._state.send_line("ok")
 
     def next_event_time(self) -> float:
-        """Return the time at which the wait for the rest of a line or a requested line ends, s; infinite for never."""
+        """Return the time, s, at which waiting for missing bytes or a resend ends; infinite for never."""
         reader, firmware = self._reader, self._firmware
         asked = firmware.repeats_resend_request and reader.skipping >= 0 and not reader.has_unread_bytes
         return self.last_byte + firmware.line_timeout if asked or reader.has_partial_line else inf
 
     def discard_partial_line(self, now: float) -> None:
-        """Discard a partial line at `now`, s, and request it again if the firmware does so."""
+        """Discard a partial line at `now`, s; request a resend if this firmware does so."""
         self.last_byte = now
         self._reader.discard_partial_line()
         if self._firmware.repeats_resend_request:
@@ -75,7 +75,7 @@ class LineErrorReplies:
             self._state.send_report("RX timeout")
 
     def _report_line_error(self) -> None:
-        """Send the error message for a rejected line; its resend request follows later."""
+        """Send the error message for a rejected line; the resend request follows later."""
         reader = self._reader
         if reader.rejection:
             self._state.send_line(reader.rejection)

@@ -35,7 +35,7 @@ _match_command: Final = re.compile(rb"(?:N[-+]?\d* *)?([^*]*)", re.DOTALL).match
 _CRC_DIGITS: Final = 5
 
 MAX_UNREAD_BYTES: Final = 65_536
-"""Size of the receive buffer with flow control, bytes; the sender has to wait, or further bytes are lost."""
+"""Size of the receive buffer with flow control, bytes; a sender that does not wait loses further bytes."""
 
 
 class LineReader:
@@ -81,7 +81,7 @@ class LineReader:
         self._position = 0  # number of bytes of the ring that have been read
 
     def add_bytes(self, data: bytes) -> None:
-        """Put received bytes into the receive buffer; those that do not fit are lost."""
+        """Put received bytes into the receive buffer; bytes that do not fit are lost."""
         if b"\r" in data:
             data = data.replace(b"\r", b"\n")  # both characters end a line, and empty lines are ignored
         unread = self._ring[self._position :]
@@ -115,13 +115,13 @@ class LineReader:
         self._line = b""
 
     def flush(self) -> None:
-        """Discard all received bytes, except lines that were accepted."""
+        """Discard all received bytes that do not belong to an accepted line."""
         self._statistics.bytes_flushed += len(self._ring) - self._position + len(self._line)
         self._line = self._ring = b""
         self._position = 0
 
     def next_line(self) -> Line | None:
-        """Return the next accepted line; None if there is none yet, or if a line was rejected (see `rejection`)."""
+        """Return the next accepted line; None if no line is complete or it was rejected (see `rejection`)."""
         while self._position < len(self._ring):
             end = self._ring.find(b"\n", self._position)
             if end < 0:
@@ -141,7 +141,7 @@ class LineReader:
         return None
 
     def _check_line(self, raw: bytes) -> Line | None:
-        """Return a line if the firmware accepts it; this is a fast path for ordinary lines."""
+        """Return a line if the firmware accepts it, else None; ordinary lines take a fast path."""
         if self._firmware.accepted_lines != "next":
             return self._check_unordered_line(raw.partition(b";")[0][: self._max_length].strip())
         match = _match_ordinary_line(raw)
@@ -155,7 +155,7 @@ class LineReader:
         return self._check_numbered_line(raw)
 
     def _check_unordered_line(self, command: bytes) -> Line | None:
-        """Return a line if it is accepted by a firmware that ignores the order of line numbers."""
+        """Return a line if a firmware that ignores the order of line numbers accepts it, else None."""
         if not command or (self._firmware.accepted_lines == "right" and not _has_valid_checksum(command)):
             return None
         number = _parse_number(command[1:]) if command.startswith(b"N") else None
@@ -165,7 +165,7 @@ class LineReader:
         return (number, text) if text else None
 
     def _check_numbered_line(self, raw: bytes) -> Line | None:
-        """Return a line if the table at the top of this module says that it is accepted."""
+        """Return a numbered line if the table at the top of this module accepts it, else None."""
         firmware = self._firmware
         command = raw.partition(b";")[0][: self._max_length].lstrip(b" ")
         if not command.strip():
@@ -193,7 +193,7 @@ class LineReader:
         return number, _decode_command(command[prefix.end() :] if prefix else command)
 
     def _check_unnumbered_line(self, command: bytes) -> Line | None:
-        """Return a line without a line number if the firmware accepts it."""
+        """Return a line without a line number if the firmware accepts it, else None."""
         strays = self._firmware.unnumbered_lines
         if (strays == "bare" and b"*" in command) or (
             strays == "never" and self._saw_number and not command.startswith(b"M112")
@@ -203,7 +203,7 @@ class LineReader:
         return None, _decode_command(command)
 
     def _handle_wrong_number(self, number: int) -> None:
-        """Skip a line with a wrong number if it may be a repetition, else reject it."""
+        """Skip a line with a wrong number if the line may be a repetition; else reject the line."""
         firmware = self._firmware
         if self.last - firmware.repeats_dropped < number <= self.last:
             self._statistics.repeats_dropped += 1
@@ -217,7 +217,7 @@ class LineReader:
             self._reject(firmware.wrong_number, number)
 
     def _reject(self, message: str, number: int) -> None:
-        """Reject a line with this number and set the error message."""
+        """Reject a line with this number, and store the error message."""
         self.rejection = message.format(last=self.last, wanted=self.last + 1, got=number)
         self.is_rejected = True
         self.skipping = self._firmware.lines_skipped or -1

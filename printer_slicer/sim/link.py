@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 __all__ = ["Cable", "CableNoise", "Direction", "RandomSource", "VirtualPort", "Wire"]
 
 MAX_BYTES_IN_TRANSIT: Final = 8192
-"""Number of bytes in transit beyond which a sender waits, as with the buffers of an operating system."""
+"""Maximum number of bytes in transit; beyond it a sender waits, as with an operating system's buffers."""
 
 BITS_PER_BYTE: Final = 10
 """A start bit, 8 data bits and a stop bit."""
 
 
 class _Chunk(NamedTuple):
-    """Bytes in transit, with the arrival time of the first one, s, and the time between bytes, s."""
+    """Bytes in transit, with the arrival time of the first byte, s, and the time from byte to byte, s."""
 
     first: float
     each: float
@@ -58,7 +58,7 @@ class Wire:
             self._chunks.append(_Chunk(start + self.byte_seconds + self._latency, self.byte_seconds, data))
 
     def pop(self, now: float) -> tuple[bytes, float] | None:
-        """Return bytes that arrived by `now`, s, with the arrival time of the last one, s; None if there are none."""
+        """Return bytes arrived until `now`, s, and the arrival time of the last, s; None without bytes."""
         if not self._chunks or self._chunks[0].first > now:
             return None
         first, each, data = self._chunks.popleft()
@@ -80,7 +80,7 @@ class Wire:
         return sum(len(chunk.data) for chunk in self._chunks)
 
     def next_event_time(self) -> float:
-        """Return the time at which the next line or chunk has arrived, s; infinite if nothing is in transit."""
+        """Return when the next line or chunk will have arrived, s; infinite if nothing is in transit."""
         if not self._chunks:
             return inf
         first, each, data = self._chunks[0]
@@ -89,7 +89,7 @@ class Wire:
 
 
 class Cable:
-    """Both directions between a host and a simulated printer; the caller provides the time.
+    """The cable between a host and a simulated printer, in both directions; the caller provides the time.
 
     Args:
         printer: printer at the other end.
@@ -147,7 +147,7 @@ class Cable:
         return come if chip is None else chip.release(now)
 
     def next_event_time(self) -> float:
-        """Return the time of the next event, s; infinite if there is none."""
+        """Return the time of the next event at either end of the cable, s; infinite without events."""
         wakeup = self._printer.wakeup()
         due = min(
             self._to_printer.next_event_time(),
@@ -196,7 +196,7 @@ class VirtualPort:
         return self._now
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the printer without letting time pass.
+        """Send bytes to the printer; the simulated time stays the same.
 
         Raises:
             PortError: the port is closed.
@@ -221,7 +221,7 @@ class VirtualPort:
             self._now = min(deadline, max(self._cable.next_event_time(), self._now))
 
     def close(self) -> None:
-        """Close the port; this stops all transfers and the time."""
+        """Close the port, which stops all transfers and the simulated time."""
         self._open = False
 
     def _check_connection(self) -> None:

@@ -38,12 +38,12 @@ def _default_limits() -> MotionLimits:
 
 
 def _default_hotend() -> HeaterSpec:
-    """Return the properties of a hotend with a heater of 40 W."""
+    """Return the properties of a typical hotend with a heater of 40 W."""
     return HeaterSpec(power=40.0, heat_capacity=12.0, loss=0.1, fan_loss=0.03, highest=260.0)
 
 
 def _default_bed() -> HeaterSpec:
-    """Return the properties of a bed with a heater of 220 W."""
+    """Return the properties of a typical bed with a heater of 220 W."""
     return HeaterSpec(power=220.0, heat_capacity=750.0, loss=1.6, fan_loss=0.2, highest=140.0)
 
 

@@ -21,11 +21,11 @@ MAX_UNDERRUN: Final = 2.0
 """Maximum duration of a buffer underrun, s; a longer standstill is a wait for a person or a program."""
 
 MOVES_TO_START: Final = 3
-"""Number of queued moves with which an idle machine starts at once, as in Marlin."""
+"""Number of queued moves at which an idle machine starts without delay, as in Marlin."""
 
 
 class PlannedMotion(NamedTuple):
-    """The state of the queue while the machine moves.
+    """The running move and the waiting moves of a queue while the machine moves.
 
     Attributes:
         queue: waiting blocks, each with the squared speed of the corner before it.
@@ -51,7 +51,7 @@ _INSTANT_ACCELERATION: Final = 1e12
 
 
 class MotionQueue:
-    """Queue of planned moves that are executed one after the other.
+    """A queue of planned moves, which the motors execute one after the other.
 
     A ring buffer of n blocks has n - 1 places, because one must stay empty. The running block occupies one of them.
 
@@ -102,7 +102,7 @@ class MotionQueue:
         self._rest_position: Axes = (0.0, 0.0, 0.0, 0.0)
         self._horizon = horizon
         self._ahead = 0.0
-        self._seconds: deque[float] = deque()  # durations of the moves in `targets`, only with a horizon
+        self._seconds: deque[float] = deque()  # durations of the moves in `targets`, for the horizon
 
     @property
     def is_busy(self) -> bool:
@@ -117,7 +117,7 @@ class MotionQueue:
         return self._places - len(self.targets)
 
     def set_limits(self, limits: MotionLimits) -> None:
-        """Set the motion limits for moves that are added later."""
+        """Set the motion limits of all moves that are added from now on."""
         self._lookahead.limits = limits
 
     def push(self, block: Block, target: Axes, now: float) -> None:
@@ -142,13 +142,13 @@ class MotionQueue:
             self.ends = min(self.ends, now)
 
     def push_pause(self, seconds: float, target: Axes, now: float) -> None:
-        """Add a pause of `seconds` at `target` behind the waiting moves, under the conditions of `push`."""
+        """Add a pause of `seconds` at `target` behind the waiting moves; callers prepare as for `push`."""
         self._lookahead.stop()
         self.push(Block(seconds, _NO_DIRECTION, 1.0, _INSTANT_ACCELERATION), target, now)
         self._lookahead.stop()
 
     def advance(self, now: float) -> None:
-        """Execute all moves that start until `now`, s."""
+        """Execute all moves that start up to the time `now`, s."""
         while self.ends <= now:
             at = self.ends
             if self._running:
@@ -170,7 +170,7 @@ class MotionQueue:
                 self._empty_since = at
 
     def position(self, now: float) -> Axes:
-        """Return the position of the motors at `now`, s; it is linear in time within a move."""
+        """Return the position of the motors at `now`, s, interpolated linearly in time within a move."""
         self.advance(now)
         if not self._running:
             return self._rest_position
@@ -179,13 +179,13 @@ class MotionQueue:
         return x, y, z, e
 
     def set_position(self, position: Axes) -> None:
-        """Set the position of the idle machine; a moving machine ignores it."""
+        """Set the position of the idle machine; do nothing while the machine moves."""
         if not self.is_busy:
             self._rest_position = position
 
     @property
     def planned(self) -> PlannedMotion | None:
-        """State of the queue while the machine moves; None while it does not."""
+        """The running move and the waiting moves; None while the machine stands still."""
         if not self._running:
             return None
         queue, last, square = self._lookahead.queue_state()
@@ -194,7 +194,7 @@ class MotionQueue:
         )
 
     def skip_to(self, planned: PlannedMotion, seconds: float) -> None:
-        """Replace the queue by its state after further moves, which took `seconds` in total.
+        """Replace the content of the queue after further moves, which took `seconds` in total.
 
         The caller must have computed them by the rules of this planner; see `motion.ahead`.
         """
@@ -222,7 +222,7 @@ class MotionQueue:
         return position, unfed
 
     def _start_moving(self, at: float) -> None:
-        """Start moving at the time `at`, s, and count the buffer underrun that this ends, if any."""
+        """Start moving at the time `at`, s; count the buffer underrun if one ends here."""
         self._running = True
         if self._empty_since != -inf:
             self._statistics.count_underrun(at - self._empty_since, self._woken_by)

@@ -41,10 +41,10 @@ MAX_DISTANCE_OUTSIDE: Final = 1000.0
 """Distance outside the machine, mm, at which moves are clipped even without software endstops."""
 
 HOMING_TRAVEL_RATIO: Final = 1.5
-"""Travel with which homing fails if the endstop does not trigger, relative to the length of the axis."""
+"""Travel after which homing fails if the endstop does not trigger, as a multiple of the axis length."""
 
 MAX_LIFT_BEFORE_HOMING: Final = 10.0
-"""Maximum harmless move upwards before homing, mm; Klipper rejects any move before homing."""
+"""Maximum upward move before homing that counts as harmless, mm; Klipper rejects every move before homing."""
 
 MAX_BABYSTEP: Final = 2.0
 BABYSTEP_SPEED: Final = 2.0
@@ -55,7 +55,7 @@ STOP_SECONDS: Final = 1.0
 
 
 def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> Steps | None:
-    """Execute a G0 or G1 with these values of X, Y, Z, E and F, None for a missing word."""
+    """Execute a G0 or G1; `words` are the values of X, Y, Z, E and F, with None for a missing word."""
     feed = words[4]
     if feed is not None and float(feed) > 0.0:
         state.feed = float(feed) * state.unit / 60.0
@@ -74,7 +74,7 @@ def execute_move(state: FirmwareState, words: Sequence[str | float | None]) -> S
 
 
 def find_move_target(state: FirmwareState, words: Sequence[str | float | None]) -> Axes:
-    """Return the target of a move with these values of X, Y, Z and E, without clipping, mm."""
+    """Return the target, mm, of a move before clipping; `words` are the values of X, Y, Z and E."""
     x, y, z, e = state.position
     unit = state.unit
     x_word, y_word, z_word, e_word = words[0], words[1], words[2], words[3]
@@ -95,7 +95,7 @@ def find_move_target(state: FirmwareState, words: Sequence[str | float | None]) 
 
 
 def _prepare_block(state: FirmwareState, goal: Axes) -> Block | None:
-    """Clip a move to `goal`, update the state, and return the planner block; None without motion."""
+    """Clip a move to `goal` and update the state; return the planner block, or None if nothing moves."""
     old = state.position
     low, high = state.machine.box_min, state.machine.box_max
     over = 0.0 if state.clips_moves else MAX_DISTANCE_OUTSIDE
@@ -129,7 +129,7 @@ def _prepare_block(state: FirmwareState, goal: Axes) -> Block | None:
         if block is not None and (dx or dy):
             state.statistics.add_extrusion(old, goal)
             if state.unhomed_motors:
-                state.unhomed_motors.clear()  # so that it is reported only once
+                state.unhomed_motors.clear()  # so that this violation is reported only once
                 state.record_violation("moved before homing, after the motors were off")
             rate = de / block.length * block.speed
             state.statistics.peak_feed = max(state.statistics.peak_feed, rate)
@@ -148,14 +148,14 @@ def _is_small_lift(state: FirmwareState, old: Axes, goal: Axes) -> bool:
 
 
 def _reject_extrusion(state: FirmwareState) -> None:
-    """Report a rejected extrusion; the firmware counts it as done and moves the other axes."""
+    """Report a rejected extrusion; the firmware updates E without extruding and moves the other axes."""
     kind = "too long extrusion" if state.hot or state.is_hot_enough_to_extrude() else "cold extrusion"
     state.send_line(f"echo: {kind} prevented")
     state.record_violation(f"{kind} prevented")
 
 
 def _clip_to_machine(state: FirmwareState, goal: Axes, margin: float) -> Axes:
-    """Return `goal`, clipped to at most `margin` mm outside the machine; record what was clipped."""
+    """Return `goal`, clipped to at most `margin` mm outside the machine; record a violation if clipped."""
     box = zip(goal[:3], state.machine.box_min, state.machine.box_max, strict=True)
     x, y, z = (min(max(at, low - margin), high + margin) for at, low, high in box)
     for letter, at, kept in zip("XYZ", goal, (x, y, z), strict=False):
@@ -165,7 +165,7 @@ def _clip_to_machine(state: FirmwareState, goal: Axes, margin: float) -> Axes:
 
 
 def _push_when_place_is_free(state: FirmwareState, block: Block, target: Axes) -> Steps:
-    """Add a move to the queue as soon as it has a free place; M410 discards a move that waits."""
+    """Add a move to the queue as soon as there is a free place; M410 discards a move that still waits."""
     motion_queue, stops = state.motion_queue, state.stops
     while motion_queue.free_places <= 0:
         yield motion_queue.ends
@@ -180,7 +180,7 @@ def move_straight(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def move_straight_reading_zeros(state: FirmwareState, command: Command) -> Steps | None:
-    """G0, G1 of firmwares that read a letter without a number as 0, because they use C's strtod."""
+    """G0, G1 of firmwares whose parser, C's strtod, reads a letter without a number as 0."""
     zeros = {letter: 0.0 for letter in command.letters_without_number("XYZE") if not command.words[letter]}
     return execute_move(state, [zeros.get(letter, command.value(letter)) for letter in "XYZEF"])
 
@@ -200,7 +200,7 @@ def _move_along_arc(state: FirmwareState, command: Command) -> Steps | None:
 
 
 def _find_arc_centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, float] | None:
-    """Return the centre of an arc to `goal`, mm; None if the command does not define one."""
+    """Return the centre of an arc to `goal`, mm; None if the command defines no centre."""
     start = state.position[0], state.position[1]
     radius = command.value("R")
     if radius is None:
@@ -224,7 +224,7 @@ def _push_chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:
 
 
 def retract_or_recover(state: FirmwareState, command: Command) -> Steps | None:
-    """G10: retract the filament; G11: recover it. The E coordinate does not change."""
+    """G10: retract the filament; G11: deretract the filament. The E coordinate does not change."""
     back = command.code == "G10"
     if command.words or back == state.retracted:
         return None
@@ -252,7 +252,7 @@ def _dwell(state: FirmwareState, command: Command) -> Steps:
 
 
 def _home_axes(state: FirmwareState, command: Command) -> Steps:
-    """G28: home the given axes, or all, one after the other."""
+    """G28: home the given axes, by default all axes, one after the other."""
     yield from state.wait_for_moves()
     machine = state.machine
     named = [axis for axis, letter in enumerate("XYZ") if letter in command.words]
@@ -299,7 +299,7 @@ def _switch_bed_levelling(state: FirmwareState, command: Command) -> None:
 
 
 def _wait_for_probing(state: FirmwareState) -> Steps:
-    """Wait for the end of motion, then for the time of probing all points."""
+    """Wait for the end of motion, then for the time that probing all points takes."""
     yield from state.wait_for_moves()
     began = state.now
     yield from state.wait_until(began + state.machine.probe_points * state.machine.probe_seconds)
@@ -312,26 +312,26 @@ def _wait_for_motion(state: FirmwareState, _: Command) -> Steps:
 
 
 def _disable_motors(state: FirmwareState, command: Command) -> Steps | None:
-    """M84, M18: switch motors off; with S, only set the idle timeout, which is not simulated."""
+    """M84, M18: switch motors off; with S, do nothing, because the idle timeout is not simulated."""
     return None if "S" in command.words else _disable_motors_after_motion(state, command)
 
 
 def _disable_motors_after_motion(state: FirmwareState, command: Command) -> Steps:
-    """Wait for the end of motion, then switch the given motors off, or all; Marlin requires no homing after this."""
+    """Wait for the end of motion, then switch the given or all motors off; Marlin keeps them homed."""
     yield from state.wait_for_moves()
     named = [axis for axis, letter in enumerate(AXES) if letter in command.words]
     state.unhomed_motors.update(axis for axis in named or range(3) if AXES[axis] != "E")
 
 
 def _quick_stop(state: FirmwareState, _: Command) -> Steps | None:
-    """M410: stop at once, unless the emergency parser has executed the command already."""
+    """M410: stop at once, unless the emergency parser has already executed this command."""
     if state.firmware.emergency_parser:
         return None
     return _stop_and_wait(state)
 
 
 def _stop_and_wait(state: FirmwareState) -> Steps:
-    """Stop all motion, then wait until moves are accepted again."""
+    """Stop all motion, then wait until the firmware accepts moves again."""
     state.stop_moving()
     yield from state.wait_until(state.now + STOP_SECONDS)
 
@@ -359,7 +359,7 @@ def _set_home_offset(state: FirmwareState, command: Command) -> None:
 
 
 def offset_next_homing(state: FirmwareState, command: Command) -> None:
-    """M206 of Smoothieware: set the home offset for the next homing, in mm even after G20 (Endstops.cpp)."""
+    """M206 of Smoothieware: set the offset for the next homing, in mm even after G20 (Endstops.cpp)."""
     for axis, letter in enumerate("XYZ"):
         value = command.value(letter)
         if value is not None:

@@ -1,4 +1,4 @@
-"""A log of all executed moves, delivered in chunks."""
+"""A log that passes all executed moves, in chunks, to a consumer function."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ CHUNK_ROWS: Final = 8192
 """Number of started moves that are delivered together."""
 
 MoveConsumer: TypeAlias = Callable[["array[float]", "array[float]", float], None]
-"""A function that receives rows of started moves, their durations, s, and the clogged share of the filament."""
+"""A function that receives rows of started moves, their durations, s, and the clogged share of the
+filament, which does not come out of the nozzle."""
 
 
 class MoveLog:
@@ -49,14 +50,14 @@ class MoveLog:
             self.flush()
 
     def add_batch(self, rows: bytes, seconds: bytes) -> None:
-        """Log many planned moves and the durations of those that have started, both as bytes."""
+        """Log many planned moves, and the durations of the moves that have started, both as bytes."""
         self._rows.frombytes(rows)
         self._seconds.frombytes(seconds)
         if len(self._seconds) >= CHUNK_ROWS:
             self.flush()
 
     def set_clogged_share(self, share: float) -> None:
-        """Set the share of the fed filament that does not come out from now on."""
+        """Set which share of the fed filament does not come out of the nozzle from now on."""
         if share != self._clogged_share:
             self.flush()
             self._clogged_share = share
@@ -66,7 +67,7 @@ class MoveLog:
         del self._rows[len(self._seconds) * COLUMNS :]
 
     def flush(self) -> None:
-        """Deliver all started moves."""
+        """Pass all started moves to the consumer function."""
         count = len(self._seconds)
         if count:
             rows, self._rows = self._rows[: count * COLUMNS], self._rows[count * COLUMNS :]

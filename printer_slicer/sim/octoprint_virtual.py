@@ -17,7 +17,7 @@ def _report_position(state: FirmwareState, _: Command) -> None:
 
 
 def _mute_replies(state: FirmwareState, command: Command) -> None:
-    """`!!DEBUG:dont_answer`: send no ok for this command and the next."""
+    """`!!DEBUG:dont_answer`: send no ok for this command and for the next command."""
     if command.text == "!!DEBUG:dont_answer":
         state.muted = 2
 

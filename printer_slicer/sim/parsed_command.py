@@ -11,7 +11,7 @@ _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _SHORT = r"[-+]?(?:[0-9]{1,9}(?:\.[0-9]*)?|\.[0-9]+)"
 
 _MAX_NUMBER: Final = 1e9
-"""Limit to which numbers are clipped; a long sequence of digits would be infinite otherwise."""
+"""Numbers are clipped to this limit; otherwise a long sequence of digits would become infinity."""
 
 SIMPLE_MOVE: Final = re.compile(
     rf"G[01](?: X({_SHORT}))?(?: Y({_SHORT}))?(?: Z({_SHORT}))?(?: E({_SHORT}))?(?: F({_SHORT}))?"
@@ -62,14 +62,14 @@ class Command:
         return min(max(float(text), -_MAX_NUMBER), _MAX_NUMBER) if text else None
 
     def values(self, letters: str) -> dict[str, float]:
-        """Return the number behind each of these letters, if it has one."""
+        """Return the number behind each of these letters; letters without a number are left out."""
         return {letter: value for letter in letters if (value := self.value(letter)) is not None}
 
     def letters_without_number(self, letters: str) -> list[str]:
-        """Return those of these letters that have no valid number behind them."""
+        """Return which of these letters have no valid number behind them."""
         found = _LETTER_AND_TEXT.findall(self._behind)
         return [letter for letter, text in found if letter in letters and not _match_number(text)]
 
     def setting(self, name: str) -> float | None:
-        """Return the number that an extended command sets with NAME=number; None if it does not."""
+        """Return the number behind NAME= in an extended command; None if this name has no number."""
         return next((float(value) for key, value in _SETTING.findall(self._read) if key == name), None)

@@ -32,7 +32,7 @@ def _change_filament(state: FirmwareState, _: Command) -> Steps:
 
 
 def _ask_and_wait(state: FirmwareState, question: str, seconds: float) -> Steps:
-    """Ask a question and wait for the answer, at most `seconds`; with 0, until the simulated person answers."""
+    """Ask a question and wait up to `seconds` for the answer; 0: until the simulated person answers."""
     _send_prompt(state, f"prompt_begin {question}", "prompt_button Continue", "prompt_show")
     until = state.now + (seconds if seconds > 0.0 else state.machine.person_seconds)
     state.waiting, state.busy_with = True, "paused for user"
@@ -43,14 +43,14 @@ def _ask_and_wait(state: FirmwareState, question: str, seconds: float) -> Steps:
 
 
 def _send_prompt(state: FirmwareState, *lines: str) -> None:
-    """Send a host prompt with these lines; without lines, close the prompt."""
+    """Send these lines as a host prompt; without lines, close the prompt."""
     if state.firmware.prompts:
         for line in ("prompt_end", *lines):
             state.send_line(f"//action:{line}")
 
 
 def _end_wait_on_answer(state: FirmwareState, command: Command) -> None:
-    """M876: end the wait with the answer of the person at the host."""
+    """M876: end the wait, because the person at the host has answered."""
     if not state.firmware.prompts:
         state.reply_unknown_command(command.text)
     elif command.value("S") is not None:

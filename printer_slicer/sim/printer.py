@@ -1,4 +1,4 @@
-"""A simulated printer: firmware, heaters and motion behind a serial port, without I/O, clock or thread.
+"""A simulated printer at a serial port: firmware, heaters and motion, without I/O, clock or thread.
 
 The caller passes bytes with their arrival times, reads the replies, and asks for the time of the next call. It also
 provides the time. With a virtual clock, a print of hours takes seconds; with the real clock, hosts can be tested. The
@@ -39,14 +39,14 @@ __all__ = ["SimulatedPrinter"]
 _MOVE_CODES: Final = frozenset({"G0", "G1", "G2", "G3"})
 
 _INTERNAL_LINE: Final = -(2**63)
-"""Line number of commands that come from the SD card or the firmware itself and get no ok."""
+"""Line number that marks commands from the SD card or the firmware itself, which get no ok."""
 
 _CARD_SECONDS: Final = 0.0002
 """Time that the main loop needs to read a line from the card, s."""
 
 
 class SimulatedPrinter:
-    """A simulated printer, to which bytes are sent and which sends bytes back.
+    """A simulated printer, which receives the bytes of a host and sends replies.
 
     Args:
         machine: hardware of the printer.
@@ -99,7 +99,7 @@ class SimulatedPrinter:
         self._process_lines()
 
     def send(self, now: float) -> bytes:
-        """Return the replies sent until `now`, s, that were not returned before."""
+        """Return the replies that the printer has sent until `now`, s, since the last call."""
         self._advance_to(now)
         out = self._state.out
         if not out:
@@ -110,19 +110,19 @@ class SimulatedPrinter:
         return replies
 
     def wakeup(self) -> float | None:
-        """Return the time of the next event, s; None if nothing happens before bytes arrive."""
+        """Return the time of the next event, s; None if nothing happens until bytes arrive."""
         if self._state.out:
             return self._state.now
         return self._next if self._next < inf else None
 
     @property
     def state(self) -> FirmwareState:
-        """State of the firmware; every reset replaces it."""
+        """State of the firmware; a reset creates a new state."""
         return self._state
 
     @property
     def line_number(self) -> int:
-        """Number of the line that was started last; without line numbers, the number of commands started."""
+        """Number of the last line that was started; without line numbers, number of started commands."""
         if self._queue and self._queue[0][0] not in (None, _INTERNAL_LINE):
             self._line = self._queue[0][0]
         return self._statistics.lines if self._line is None else self._line
@@ -138,7 +138,7 @@ class SimulatedPrinter:
 
     @property
     def unread_bytes(self) -> int:
-        """Number of received bytes that were not read yet; a sender with flow control waits if there are many."""
+        """Number of received bytes not read yet; with flow control, a high number makes the sender wait."""
         return self._reader.unread_bytes
 
     @property
@@ -148,11 +148,11 @@ class SimulatedPrinter:
 
     @property
     def undisturbed_until(self) -> float:
-        """Time of the next event that no command causes, s; infinite for never."""
+        """Time of the next event that is not caused by a command, s; infinite if there is none."""
         return min(self._state.due, self._next_wait)
 
     def receive_line(self, number: int | None, text: str, now: float) -> None:
-        """Receive a whole line at `now`, s, without buffering it and without checking number and checksum."""
+        """Receive a whole line at `now`, s, without buffering, and without a check of number and checksum."""
         self._advance_to(now)
         if not self._state.killed:
             self._reader.last = self._reader.last if number is None else number
@@ -160,12 +160,12 @@ class SimulatedPrinter:
             self._process_lines()
 
     def start_batch(self, now: float) -> BatchStart | None:
-        """Return the state before a batch of simple commands at `now`, s; None while nothing moves."""
+        """Return the state before a batch of simple commands at `now`, s; None if nothing moves."""
         self._state.motion_queue.advance(now)
         return BatchStart.from_state(self._state, self.undisturbed_until)
 
     def apply_batch(self, batch: Batch) -> None:
-        """Apply the effect of a batch of simple commands."""
+        """Apply the combined effect of a batch of simple commands."""
         assert not self.has_unanswered_command
         self._reader.last = batch.number
         self._numbered = True
@@ -193,13 +193,13 @@ class SimulatedPrinter:
         self._next = self._next_event()
 
     def hang(self, seconds: float, now: float) -> None:
-        """Block the main loop for `seconds` from `now`, s; bytes that arrive then fill the receive buffer."""
+        """Block the main loop for `seconds` from `now`, s; arriving bytes then fill the receive buffer."""
         self._advance_to(now)
         self._ready = self._hung_until = max(self._ready, now) + seconds
         self._process_lines()
 
     def report(self) -> Report:
-        """Return the statistics so far; waiting moves count fully, except for their duration."""
+        """Return the statistics so far; moves that still wait count fully, except for their duration."""
         state = self._state
         state.motion_queue.advance(state.now)
         state.apply_flow_cooling()
@@ -214,7 +214,7 @@ class SimulatedPrinter:
         )
 
     def _power_on(self, now: float, *, banner: bool) -> None:
-        """Set the state after power-on or reset at `now`, s."""
+        """Create the firmware state after power-on or reset at `now`, s."""
         self._card.stop()
         self._card.writing = ""
         self._state = FirmwareState(self._machine, self._firmware, self._statistics, self._card, now)
@@ -271,7 +271,7 @@ class SimulatedPrinter:
             self._line_errors.discard_partial_line(now)
 
     def _next_event(self) -> float:
-        """Return the time of the next event if no bytes arrive, s; infinite without one."""
+        """Return the time of the next event if no bytes arrive, s; infinite if there is no event."""
         state = self._state
         if self._faults is not None or self._hung_until > state.now:
             return self._next_event_with_faults()
@@ -289,7 +289,7 @@ class SimulatedPrinter:
         return min(fault_due, self._hung_until if hung else self._next_firmware_event(state))
 
     def _next_firmware_event(self, state: FirmwareState) -> float:
-        """Return the time of the next event of the firmware, s; infinite without one."""
+        """Return the time of the next event of the firmware, s; infinite if there is no event."""
         due = state.due if self._waits_forever else min(state.due, self._line_errors.next_event_time())
         if self._steps is not None:
             due = min(due, max(self._resume_at, self._ready), self._next_busy)
@@ -331,7 +331,7 @@ class SimulatedPrinter:
         self._next = self._next_event()
 
     def _queue_card_line(self) -> None:
-        """Queue the next line of the file that is printed from the card."""
+        """Queue the next line of the file that is being printed from the SD card."""
         text = self._card.next_command()
         if text is None:
             finish_print(self._state)
@@ -344,7 +344,7 @@ class SimulatedPrinter:
         self._queue.insert(1, (_INTERNAL_LINE, text))
 
     def _block_while_sending(self) -> None:
-        """Block the main loop for the time of sending new output."""
+        """Block the main loop for the time that sending the new output takes."""
         out = self._state.out
         if len(out) > self._counted_output:
             n_bytes = sum(map(len, out[self._counted_output :]))
@@ -366,7 +366,7 @@ class SimulatedPrinter:
         self._ready = max(self._ready, self._state.now) + self._firmware.seconds_per_line
 
     def _is_executed_early(self, code: str) -> bool:
-        """Return whether the firmware executes an urgent command when it is queued."""
+        """Return whether the firmware executes an urgent command already when the command is queued."""
         if self._firmware.language == "klipper":
             return code == "M112"
         return not self._firmware.emergency_parser and not self._card.writing
@@ -450,7 +450,7 @@ class SimulatedPrinter:
         elif firmware.advanced_ok:
             state.motion_queue.advance(state.now)
             name = "" if number is None else f" N{number}"
-            # The current command still occupies its place.
+            # The current command still occupies a place in the queue.
             free = firmware.queue_places - len(self._queue) - 1
             state.send_line(f"ok{name} P{state.motion_queue.free_places} B{free}")
         else:

@@ -39,7 +39,7 @@ def serve(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer at `link_path` until `stop` returns True or Ctrl-C is pressed; return its report.
+    """Serve a simulated printer at `link_path` until `stop` returns True or Ctrl-C; return the report.
 
     The host may close and reopen the port; the printer keeps running.
 
@@ -84,7 +84,7 @@ class _Terminal:
         self._master = master
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait up to `seconds` for bytes to read or room to write; return whether there are bytes to read."""
+        """Wait up to `seconds` until data can be read or written; return whether there are bytes to read."""
         mine = [self._master]
         readable, _, _ = select.select(mine if reads else [], mine if writes else [], [], seconds)
         return bool(readable)
@@ -102,7 +102,7 @@ class _Terminal:
 
 
 class _UnpluggedCable:
-    """The connection to the host while the cable is disconnected."""
+    """A connection that transfers nothing, used while the cable is disconnected."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
         """Wait `seconds`; return False, because there is never anything to read."""
@@ -121,10 +121,10 @@ class _UnpluggedCable:
 
 @contextlib.contextmanager
 def _open_terminal() -> Iterator[tuple[int, str]]:
-    """Open a pseudo-terminal in raw mode; yield its server end and the device name of its host end."""
+    """Open a pseudo-terminal in raw mode; yield the server end, and the device name for the host."""
     master, slave = pty.openpty()
     try:
-        # The host end stays open here too; otherwise its settings would be lost when the host closes it.
+        # The host end stays open here too, so that its settings survive when the host closes it.
         tty.setraw(slave)
         os.set_blocking(master, False)
         yield master, os.ttyname(slave)
@@ -146,7 +146,7 @@ def _temporary_link(path: Path, target: str) -> Iterator[None]:
 
 
 def _create_link(path: Path, target: str) -> None:
-    """Create a symbolic link at `path`, replacing only another symbolic link."""
+    """Create a symbolic link at `path`; replace an existing symbolic link, but no other file."""
     try:
         if path.is_symlink():
             path.unlink()

@@ -18,16 +18,16 @@ _MAX_OPTION_BYTES: Final = 1024
 
 
 class Rfc2217Server:
-    """The protocol state of RFC 2217 for the connection to one host."""
+    """The RFC 2217 protocol on the connection to one host, with its current state."""
 
     def __init__(self) -> None:
         self._answers = b""
-        # A dummy port that keeps the settings of the host.
+        # A dummy port, which only stores the settings of the host.
         port: Any = serial.serial_for_url("loop://")
         self._manager: Any = rfc2217.PortManager(port, self)  # type: ignore[arg-type] # it calls only `write`
 
     def write(self, data: bytes) -> None:
-        """Store protocol bytes until `take_answers` returns them."""
+        """Store protocol bytes for the host; `take_answers` returns them."""
         self._answers += data
 
     def take_answers(self) -> bytes:
@@ -36,7 +36,7 @@ class Rfc2217Server:
         return answers
 
     def decode(self, data: bytes) -> bytes:
-        """Return the bytes for the printer in data from the host.
+        """Return the bytes for the printer that data from the host contains.
 
         Raises:
             ValueError: the data violates RFC 2217.

@@ -1,4 +1,4 @@
-"""The SD card of the simulated printer, with its files and the print from a file.
+"""The SD card of the simulated printer: its files, and the print from one of them.
 
 File names are stored in upper case, as on FAT, and searched without regard to case.
 """
@@ -17,7 +17,7 @@ CAPACITY: Final = 256 * 1024 * 1024
 
 
 class SdCard:
-    """An SD card, with the file that is printed and the file that is written.
+    """An SD card with files: one of them can be printed, and one can be written.
 
     Attributes:
         files: contents of the files by name, in the order of their creation.
@@ -66,13 +66,13 @@ class SdCard:
         return None
 
     def begin_file(self, name: str) -> None:
-        """Start writing a file."""
+        """Create an empty file on the card and open it for writing."""
         self.writing = name
         self._written = []
         self._free_bytes = CAPACITY - sum(map(len, self.files.values()))
 
     def write_line(self, text: str) -> bool:
-        """Write a line to the file; return False if the card is full."""
+        """Write a line to the open file; return False if the card is full."""
         if self._free_bytes <= len(text):
             return False
         self._free_bytes -= len(text) + 1
@@ -80,7 +80,7 @@ class SdCard:
         return True
 
     def end_file(self) -> None:
-        """Finish writing the file."""
+        """Close the file that is being written."""
         text = "".join(f"{line}\n" for line in self._written)
         self.files[self.writing] = text.encode("latin-1")
         self.writing = ""
@@ -89,7 +89,7 @@ class SdCard:
 
 def shorten_file_name(name: str) -> str:
     """Return a file name in 8.3 form and upper case."""
-    # The upper case of a letter outside ASCII may be missing in Latin-1.
+    # Outside ASCII, the capital of a letter may not exist in Latin-1.
     plain = "".join(letter.upper() if letter.isascii() else "_" for letter in name.rpartition("/")[2])
     stem, dot, kind = plain.replace(" ", "").rpartition(".")
     return f"{stem[:8]}.{kind[:3]}" if dot else kind[:8]

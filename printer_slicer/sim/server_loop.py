@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 __all__ = ["CHUNK_BYTES", "Clock", "HostConnection", "exchange_bytes"]
 
 LONGEST_WAIT: Final = 0.05
-"""Maximum time between two calls of `stop`, s."""
+"""Maximum time between two calls of the function `stop`, s."""
 
 CHUNK_BYTES: Final = 4096
 """Maximum number of bytes that are read at once."""
@@ -28,7 +28,7 @@ class HostConnection(Protocol):
     """A connection to a host, such as a pseudo-terminal or a socket."""
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait for bytes to read, room to write, or both; return whether there are bytes to read."""
+        """Wait up to `seconds` until data can be read or written; return whether there are bytes to read."""
 
     def read(self) -> bytes:
         """Return the bytes from the host; empty if there are none."""
@@ -62,14 +62,14 @@ class Clock:
         self._skipped += max(moment - self.now(), 0.0)
 
     def real_seconds_until(self, moment: float) -> float:
-        """Return the real time until the simulated time `moment`, s."""
+        """Return the real time that remains until the simulated time `moment`, s."""
         return max(moment - self.now(), 0.0) / self._rate
 
 
 def exchange_bytes(
     printer: SimulatedPrinter, cable: Cable, clock: Clock, host: HostConnection, stop: Callable[[], bool]
 ) -> None:
-    """Exchange bytes between printer and host until `stop` returns True; it is called about 20 times a second."""
+    """Exchange bytes between printer and host until `stop`, called about 20 times a second, returns True."""
     unsent = b""
     while not stop():
         due = cable.next_event_time()
@@ -83,7 +83,7 @@ def exchange_bytes(
         elif jump:
             clock.skip_to(due)
         now = clock.now()
-        # Step through all events of the cable.
+        # Simulate each event of the cable at its own time.
         while (due := cable.next_event_time()) <= now:
             unsent += cable.read(due)
         unsent = (unsent + cable.read(now))[-MAX_UNREAD_BYTES:]

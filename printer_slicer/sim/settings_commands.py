@@ -62,7 +62,7 @@ def _set_line_number(state: FirmwareState, command: Command) -> None:
 
 
 def _emergency_stop(state: FirmwareState, _: Command) -> None:
-    """M112: halt the firmware, if the command did not take effect before its turn."""
+    """M112: halt the firmware, unless the command already took effect when it arrived."""
     state.record_violation("emergency stop")
     state.kill("M112 Shutdown")
 
@@ -181,14 +181,14 @@ def set_accelerations(
 
 
 def _set_retraction(state: FirmwareState, command: Command) -> None:
-    """M207: set retraction length S (mm), speed F (mm/min), recover speed T (mm/min), extra recover length R (mm)."""
+    """M207: set retraction length S and extra deretraction R, mm; their speeds F and T, mm/min."""
     new, (length, back, forward, extra) = command.values("SFTR"), state.retraction
     back, forward = new.get("F", back * 60) / 60, new.get("T", forward * 60) / 60
     state.retraction = new.get("S", length), back, forward, new.get("R", extra)
 
 
 def _set_deretraction(state: FirmwareState, command: Command) -> None:
-    """M208: set recover speed F (mm/min) and extra recover length S (mm)."""
+    """M208: set deretraction speed F (mm/min) and extra deretraction length S (mm)."""
     new, (length, back, forward, extra) = command.values("FS"), state.retraction
     state.retraction = length, back, new.get("F", forward * 60) / 60, new.get("S", extra)
 
@@ -202,11 +202,11 @@ def _set_cornering(state: FirmwareState, command: Command) -> None:
 
 
 MIN_LIMIT: Final = 1e-6
-"""Value below which a limit counts as zero; firmware stores 32-bit floats and prints two decimals."""
+"""A limit below this value counts as zero, because firmware stores 32-bit floats and prints two decimals."""
 
 
 def positive_values(command: Command, letters: str) -> dict[str, float]:
-    """Return the positive values of these letters; with a limit of zero, no move would ever end."""
+    """Return the values of these letters that are positive; with a limit of zero, no move would ever end."""
     return {letter: value for letter, value in command.values(letters).items() if value > MIN_LIMIT}
 
 
@@ -248,19 +248,19 @@ def _report_settings(state: FirmwareState, command: Command) -> None:
 
 
 def _format_axes(axes: Axes) -> str:
-    """Format the values of X, Y, Z and E."""
+    """Return the words X, Y, Z and E with the values of the axes."""
     return " ".join(f"{letter}{value:.2f}" for letter, value in zip(AXES, axes, strict=True))
 
 
 def _format_cornering(limits: MotionLimits) -> str:
-    """Format junction deviation or jerk, whichever the machine uses at corners."""
+    """Return the word of the junction deviation, or the words of the jerk if the machine uses jerk."""
     if limits.corner == "junction_deviation":
         return f"J{limits.junction_deviation:.2f}"
     return _format_axes(limits.jerk)
 
 
 def _start_or_stop_timer(state: FirmwareState, command: Command) -> None:
-    """M75: start the print timer; M76, M77: stop the print timer."""
+    """M75: start the print timer; M76 and M77: stop the print timer."""
     state.stop_timer()
     if command.code == "M75":
         state.timer_began = state.now
@@ -281,7 +281,7 @@ def ignore_command(_: FirmwareState, __: Command) -> None:
 
 
 def _set_volumetric_extrusion(state: FirmwareState, command: Command) -> None:
-    """M200: make E count volume, for filament of diameter D; S0 or D0 switch this off, S1 on again."""
+    """M200: make E a volume, for filament of diameter D; S0 or D0 switch this off, S1 on again."""
     diameter, switch = command.value("D"), command.value("S")
     new = positive_values(command, "D")
     if new:

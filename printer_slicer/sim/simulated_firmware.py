@@ -1,4 +1,4 @@
-"""Options for the behaviour of a simulated firmware; the module `firmwares` lists the firmwares."""
+"""Options for the behaviour of simulated firmwares; the module `firmwares` has the table of firmwares."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARLIN_IDENTITY: Final = (
 
 
 class SimulatedFirmware(Struct, frozen=True):
-    """Behaviour of the serial port and the command queue of a firmware.
+    """Behaviour of a firmware at its serial port and in its command queue.
 
     Attributes:
         name: version reported by M115.
@@ -129,7 +129,7 @@ class SimulatedFirmware(Struct, frozen=True):
     seconds_per_byte: float = 0.0
 
     def capabilities(self, machine: Machine) -> tuple[tuple[str, bool], ...]:
-        """Return the capabilities that M115 lists for a machine, in order, with whether each is present."""
+        """Return the capabilities that M115 lists for a machine: name, and whether it is present."""
         known = {
             "AUTOLEVEL": machine.probe_points > 0,
             "AUTOREPORT_POS": self.reports_position,

@@ -24,7 +24,7 @@ _KIND_END: Final = re.compile(r"[:,]| \d")
 
 MAX_VIOLATIONS: Final = 1000
 MAX_LAYERS: Final = 20_000
-"""Maximum lengths of the lists; counts are not limited. A spiral vase has a new z in every line."""
+"""Maximum length of each list; counts are not limited. A spiral vase would add a z in every line."""
 
 HASH_BATCH: Final = 512
 """Number of lines that are hashed together; a call for each line would cost more than the hashing."""
@@ -34,12 +34,12 @@ MAX_KINDS: Final = 100
 
 
 def violation_kind(text: str) -> str:
-    """Return the kind of a violation: its text before the first colon, comma or number."""
+    """Return the kind of a violation: the text before the first colon, comma or number."""
     return _KIND_END.split(text, maxsplit=1)[0].strip()
 
 
 class Violation(NamedTuple):
-    """An action that a real printer would reject, clip or suffer from.
+    """An action that a real printer would reject or clip, or that would harm it.
 
     Attributes:
         line: number of the executed command, from 1.
@@ -133,7 +133,7 @@ class Report(Struct, frozen=True):
 
 
 class Statistics:
-    """The counters behind a `Report`, with the same names and units.
+    """Counters from which a `Report` is made; their names and units are those of the report.
 
     Attributes:
         move_log: log of all moves; None: moves are not logged.
@@ -223,7 +223,7 @@ class Statistics:
         self._hash_commands()
 
     def count_underrun(self, seconds: float, command: int) -> None:
-        """Count a buffer underrun of `seconds` that ended with a move of this command, numbered from 1."""
+        """Count a buffer underrun of `seconds`; a move of `command`, counted from 1, ended the underrun."""
         self.underruns += 1
         self.underrun_seconds += seconds
         if len(self.underrun_list) < MAX_VIOLATIONS:
@@ -239,7 +239,7 @@ class Statistics:
             self.violations.append(Violation(self.lines, f"{text}: {self._text}"))
 
     def add_extrusion(self, start: Axes, end: Axes) -> None:
-        """Record an extrusion from `start` to `end`, mm."""
+        """Record an extrusion from `start` to `end`, x, y, z, e in mm."""
         if end[2] != self._z:
             self._z = end[2]
             if len(self._layers) < MAX_LAYERS:
@@ -247,12 +247,12 @@ class Statistics:
             self._extend_box(end)
         low, high = self.low, self.high
         for x, y, z, e in (start, end):
-            # Nearly every extrusion is inside the box already, and this test is cheaper than extending the box.
+            # Nearly every extrusion is inside the box already; this test is faster than extending the box.
             if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
                 self._extend_box((x, y, z, e))
 
     def add_extrusions_within(self, low: Position, high: Position, heights: Sequence[float]) -> None:
-        """Record extrusions at several heights, all within a box, mm."""
+        """Record extrusions at several heights, all within the box from corner `low` to `high`, mm."""
         self._extend_box((*low, 0.0))
         self._extend_box((*high, 0.0))
         for z in heights:

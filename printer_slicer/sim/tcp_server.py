@@ -35,7 +35,7 @@ class Telnet(Protocol):
         """Return the protocol bytes that must be sent to the host."""
 
     def decode(self, data: bytes) -> bytes:
-        """Return the bytes for the printer in data from the host; raise ValueError if the data is invalid."""
+        """Return the bytes for the printer in the host's data; raise ValueError for invalid data."""
 
     def encode(self, data: bytes) -> bytes:
         """Return bytes of the printer encoded for the host."""
@@ -52,7 +52,7 @@ def serve_tcp(  # noqa: PLR0913 - all but two have a good default
     stop: Callable[[], bool] = lambda: False,
     ready: Callable[[str], None] = lambda _: None,
 ) -> Report:
-    """Serve a simulated printer at a TCP address until `stop` returns True or Ctrl-C is pressed; return its report.
+    """Serve a simulated printer at a TCP address until `stop` returns True or Ctrl-C; return the report.
 
     Args:
         printer_factory: function that creates the printer when the port is open.
@@ -96,7 +96,7 @@ def _open_listener(address: tuple[str, int]) -> socket.socket:
 
 
 class _TcpConnection:
-    """The connection to the current host; it accepts hosts one at a time."""
+    """The connection to the current host; only one host can be connected at a time."""
 
     def __init__(
         self,
@@ -114,7 +114,7 @@ class _TcpConnection:
         self._deadline = 0.0
 
     def wait(self, seconds: float, *, reads: bool, writes: bool) -> bool:
-        """Wait up to `seconds` for bytes to read, room to write, or a new host; return whether there are bytes."""
+        """Wait up to `seconds` for data, a chance to write or a new host; return whether there is data."""
         if self._unplugged():
             self.close()
         mine = [self._host] if self._host is not None else []
@@ -151,7 +151,7 @@ class _TcpConnection:
         return data
 
     def write(self, data: bytes) -> int:
-        """Send bytes to the host; return the number accepted. Without a host, bytes are lost, as at a closed port."""
+        """Send bytes to the host; return how many were accepted. Without a host, all are lost."""
         if self._host is None:
             return len(data)
         if not self._send_outgoing_bytes() or len(self._outgoing) >= CHUNK_BYTES:
@@ -186,7 +186,7 @@ class _TcpConnection:
         return True
 
     def _accept_host(self) -> None:
-        """Accept a new host, which waits while another one is connected."""
+        """Accept a new host; if another host is connected, the new host waits."""
         try:
             host, _ = self._listener.accept()
         except OSError:
@@ -197,7 +197,7 @@ class _TcpConnection:
             self._waiting_host, self._deadline = host, monotonic() + HOST_TIMEOUT
 
     def _admit_waiting_host(self) -> None:
-        """Connect the waiting host if no other one is connected; disconnect it after a timeout."""
+        """Connect the waiting host once no other host is connected; disconnect it after a timeout."""
         if self._waiting_host is None or (self._host is not None and monotonic() < self._deadline):
             return
         host, self._waiting_host = self._waiting_host, None

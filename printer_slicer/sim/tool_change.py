@@ -33,7 +33,7 @@ def _wait_and_change_tool(state: FirmwareState, tool: int) -> Steps:
 
 
 def find_hotend(state: FirmwareState, command: Command, letter: str = "T") -> Heater | None:
-    """Return the hotend of the tool that a command gives, or of the active tool; None if there is no such tool."""
+    """Return the hotend of the tool in a command, by default of the active tool; None without such a tool."""
     tool = command.value(letter)
     if tool is None:
         return state.hotend
@@ -44,7 +44,7 @@ def find_hotend(state: FirmwareState, command: Command, letter: str = "T") -> He
 
 
 def _reject_tool(state: FirmwareState, number: str, lead: str = "") -> None:
-    """Report that there is no tool with this number; `lead` is the code of the command with the number."""
+    """Report that no tool has this number; `lead` is the code of the command that contains the number."""
     if state.firmware.language == "klipper":
         state.send_line("!! Extruder not configured")
     elif lead:

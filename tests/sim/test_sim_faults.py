@@ -367,7 +367,7 @@ def test_every_kind_can_be_written_down(kind: str) -> None:
         ('[[fault]]\nkind = "hang"\nline = 3.5', "x.toml: fault 1 (hang): line is 3.5", "a whole number"),
         (
             '[[fault]]\nkind = "hang"\nline = 3\nz = 1',
-            "x.toml: fault 1 (hang): it has both line and z",
+            "x.toml: fault 1 (hang): line and z exclude each other",
             "Use only one",
         ),
         ('[[fault]]\nkind = "runout"\nrate = 1', "x.toml: fault 1 (runout): unknown key rate", "Known keys"),

@@ -193,8 +193,8 @@ def test_a_target_beyond_the_machine_is_lowered_and_noted() -> None:
     assert "/260.00" in console.say("M105")[0]
     assert "/140.00" in console.say("M105")[0]
     assert [violation.text for violation in console.printer.report().violations] == [
-        "hotend asked for 400 °C, the printer allows 260 °C: M104 S400",
-        "bed asked for 200 °C, the printer allows 140 °C: M140 S200",
+        "hotend target 400 °C is above the maximum of 260 °C: M104 S400",
+        "bed target 200 °C is above the maximum of 140 °C: M140 S200",
     ]
 
 
