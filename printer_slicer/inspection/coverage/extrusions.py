@@ -1,4 +1,4 @@
-"""Extrusions of a program or of the moves of a file, stored as columns."""
+"""The extrusions of a sliced program or of a G-code file, stored in one array per property."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NEGLIGIBLE: Final = 1e-9  # mm³ or mm; smaller values are rounding errors
 
 
 class Extrusions(Struct, frozen=True, eq=False):
-    """Straight extrusions in printing order.
+    """Straight extrusions in printing order, with their position, size and role.
 
     Attributes:
         begin, end: (B, 2) mm, centre line.
@@ -72,22 +72,22 @@ class Extrusions(Struct, frozen=True, eq=False):
 
     @property
     def length(self) -> Float:
-        """Length (B,) in x and y, mm."""
+        """Length (B,) of each extrusion in x and y, mm."""
         return np.asarray(np.hypot(*(self.end - self.begin).T))
 
     @property
     def volume(self) -> Float:
-        """Volume (B,), mm³."""
+        """Volume (B,) of each extrusion, mm³."""
         return self.area * self.length
 
     @property
     def width(self) -> Float:
-        """Width (B,), mm, from area and height; see `bead.width_for_section`."""
+        """Width (B,) of each extrusion, mm, from area and height; see `bead.width_for_section`."""
         return bead.width_for_section(self.area, self.height)
 
     @property
     def usual_width(self) -> float:
-        """Median width weighted by length, mm."""
+        """Median width of the extrusions, weighted by their length, mm."""
         return weighted_median(self.width, self.length)
 
     def take(self, chosen: Int | Bool) -> Extrusions:
@@ -105,14 +105,14 @@ class Extrusions(Struct, frozen=True, eq=False):
 
 
 def weighted_median(values: Float, weights: Float) -> float:
-    """Return the weighted median; 0 without values."""
+    """Return the weighted median of values; 0 if there are no values."""
     order = np.argsort(values)
     reached = np.cumsum(weights[order])
     return float(values[order][np.searchsorted(reached, reached[-1] / 2)]) if len(values) else 0.0
 
 
 def sample_points(beads: Extrusions, count: int) -> tuple[Float, Int]:
-    """Return points (count, 2) evenly spaced along all extrusions, mm, and the extrusion of each."""
+    """Return points (count, 2), mm, evenly spaced along all extrusions, and each point's extrusion."""
     reached = np.cumsum(beads.length)
     if not len(reached):
         return np.zeros((0, 2)), np.zeros(0, np.int64)
@@ -123,7 +123,7 @@ def sample_points(beads: Extrusions, count: int) -> tuple[Float, Int]:
 
 
 def extrusions_of_program(program: Program, filament_diameter: float) -> tuple[Extrusions, Int]:
-    """Return the extrusions of a program, and the index of the move of each, (B,).
+    """Return the extrusions of a program, and the index of the move that makes each of them, (B,).
 
     Args:
         program: the moves.
@@ -180,7 +180,7 @@ def extrusions_of_moves(moves: Moves, filament_diameter: float | Float) -> tuple
 
 
 def _extruded_filament(fed: Float, tool: Int) -> Float:
-    """Return the filament (K,) that leaves the nozzle, mm: what each tool feeds beyond its maximum so far."""
+    """Return the filament (K,), mm, that leaves the nozzle: what a tool feeds beyond its maximum so far."""
     extruded = np.zeros(len(fed))
     for one in np.unique(tool).tolist():
         own = np.flatnonzero(tool == one)

@@ -1,4 +1,4 @@
-"""Measure how full each layer is, on a raster."""
+"""Measure on a raster how full of material each layer is."""
 
 from __future__ import annotations
 
@@ -22,18 +22,19 @@ from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["LayerFill", "measure_fill", "overlap_cells"]
 
-_MIN_SHELL_AREA: Final = 1.0  # mm²; the mean fill of a smaller shell has no meaning
+_MIN_SHELL_AREA: Final = 1.0  # mm²; a mean over a smaller shell says nothing
 _MIN_MARGIN, _MAX_MARGIN = 1.0, 5.0  # mm, limits of the margin around extrusions
 
 
 class LayerFill(Struct, frozen=True, eq=False):
-    """Fill of each layer, measured on the raster.
+    """How full of material each layer is, measured on a raster.
 
     Attributes:
-        overlap: (L,) mm² where the mean fill exceeds `CoverageRules.overlap_ratio`; windows are as wide as a line.
-        most: (L,) the largest of these means.
-        place: (L, 2) its position, mm.
-        shell: (L,) material in the shell as a share of its need; nan if the shell is tiny.
+        overlap: (L,) mm², area where the mean fill exceeds `CoverageRules.overlap_ratio`; the mean is over
+            windows as wide as a line.
+        most: (L,) largest mean fill in such a window.
+        place: (L, 2) position of the largest mean fill, mm.
+        shell: (L,) material in the shell as a share of the material it needs; nan if the shell is tiny.
         cell: mm, width of the cells.
     """
 
@@ -52,7 +53,7 @@ class LayerFill(Struct, frozen=True, eq=False):
 def measure_fill(
     stack: Stack, of_part: Bool, core: Areas, area_to_fill: Float, overlap_ratio: float
 ) -> LayerFill:
-    """Measure how full each layer is; ironing is left out.
+    """Measure how full of material each layer is, without ironing.
 
     Args:
         stack: all beads.
@@ -67,13 +68,13 @@ def measure_fill(
     order = order[np.argsort(stack.layer[order], kind="stable")]
     beads = stack.beads.take(order)
     bounds = np.searchsorted(stack.layer[order], np.arange(n + 1)).tolist()
-    deep_layers, cell = _SharedLayers(stack, of_part), _cell_width_around(beads)
+    shared_layers, cell = _SharedLayers(stack, of_part), _cell_width_around(beads)
     reach, rows = _window_reach_in_cells(beads, cell), make_scan_lines(core, cell)
     for k in range(n):
         # Higher extrusions that reach down to this layer fill it, too.
         selected = (
-            deep_layers.extrusions_in(k)
-            if deep_layers.deep[k]
+            shared_layers.extrusions_in(k)
+            if shared_layers.shared[k]
             else beads.take(np.arange(bounds[k], bounds[k + 1]))
         )
         if not selected.n_beads:
@@ -91,7 +92,7 @@ def measure_fill(
 
 
 def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, cell: float) -> Areas:
-    """Return where the extrusions of a layer overlap, as areas of one layer; cells in a row form a rectangle."""
+    """Return the areas where extrusions of a layer overlap; adjacent cells of a row form one rectangle."""
     window = _window_around(cell, beads)
     is_overlap = (
         window_mean(rasterize_fill(beads, window, layer_height), _window_reach_in_cells(beads, cell))
@@ -108,39 +109,39 @@ def overlap_cells(beads: Extrusions, layer_height: float, overlap_ratio: float, 
 
 
 class _SharedLayers:
-    """Extrusions of the deep layers; `deep` (L,) is the mask of layers filled by extrusions of several layers."""
+    """Extrusions of the layers that share extrusions with other layers; `shared` (L,) is their mask."""
 
     def __init__(self, stack: Stack, of_part: Bool) -> None:
-        """Split all extrusions by layer, and store those of the part; `of_part` (B,) is their mask."""
+        """Split all extrusions by layer, and store the extrusions of the part, selected by `of_part` (B,)."""
         parts, source = split_thick_extrusions(stack)
         n = stack.n_layers
         is_split = np.bincount(source, minlength=stack.beads.n_beads)[source] > 1
-        self.deep = np.bincount(parts.layer[is_split & of_part[source]], minlength=n) > 0
+        self.shared = np.bincount(parts.layer[is_split & of_part[source]], minlength=n) > 0
         kept = of_part[source] & (parts.beads.purpose != Purpose.IRONING) & (parts.layer >= 0)
-        kept &= self.deep[parts.layer]
+        kept &= self.shared[parts.layer]
         own = np.flatnonzero(kept)
         own = own[np.argsort(parts.layer[own], kind="stable")]
         self._beads = parts.beads.take(own)
         self._bounds = np.searchsorted(parts.layer[own], np.arange(n + 1))
 
     def extrusions_in(self, k: int) -> Extrusions:
-        """Return all extrusions that fill layer k, which must be deep."""
+        """Return all extrusions that fill layer k, which must be a shared layer."""
         return self._beads.take(np.arange(self._bounds[k], self._bounds[k + 1]))
 
 
 def _cell_width_around(beads: Extrusions) -> float:
-    """Return the cell width for the bounding box of extrusions, mm."""
+    """Return the cell width, mm, that suits the size of the bounding box of extrusions."""
     ends = np.concatenate([np.zeros((1, 2)), beads.begin, beads.end][bool(beads.n_beads) :])
     return choose_cell_width(ends.min(axis=0), ends.max(axis=0))
 
 
 def _window_reach_in_cells(beads: Extrusions, cell: float) -> int:
-    """Return the number of cells on each side of the middle of a window as wide as a usual extrusion."""
+    """Return how many cells a window as wide as a usual extrusion extends from its middle cell."""
     return max(round((beads.usual_width / cell - 1) / 2), 1)
 
 
 def _window_around(cell: float, beads: Extrusions) -> CellWindow:
-    """Return the window of cells around extrusions."""
+    """Return the rectangle of cells that encloses extrusions."""
     ends = np.concatenate([beads.begin, beads.end])
     if not len(ends):
         return CellWindow(0, 0, 1, 1, cell)

@@ -1,4 +1,4 @@
-"""Read the extrusions of G-code of any slicer, with roles and heights from its comments."""
+"""Read the extrusions in G-code of any slicer; comments give their roles and heights."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _HEIGHT_KEYS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
 
 
 class GcodeExtrusions(Struct, frozen=True, eq=False):
-    """The extrusions of a G-code text, with its comments and settings.
+    """The extrusions of a G-code text, with the information from its comments.
 
     Attributes:
         beads: the extrusions; heights come from comments and are nan without one.
@@ -87,7 +87,7 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
     if settings.get("use_volumetric_e", "0") == "1" and not any(
         b"200" in one[:6] and parse(one)[0] == b"M200" for one in commands
     ):
-        # The printer is set to volumetric E already, or a start macro does it.
+        # Volumetric E was set on the printer before, or a start macro sets it.
         commands, numbers = [b"M200 D%f" % diameter[0], *commands], [0, *numbers]
     moves = read_moves(commands)
     beads, kept, standing = extrusions_of_moves(moves, diameter)
@@ -109,7 +109,7 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
 
 
 def _find_travels(moves: Moves, extruding: Int) -> tuple[Float, Int]:
-    """Return the travel moves along x or y, (T, 2, 2) mm, and the number of extrusions before each, (T,)."""
+    """Return the travel moves along x or y (T, 2, 2), mm, and how many extrusions precede each (T,)."""
     travels = (moves.delta[:, :2] != 0).any(axis=1)
     travels[extruding] = False
     index = np.flatnonzero(travels)
@@ -129,7 +129,10 @@ def _filament_diameters(settings: Mapping[str, str], given: float | None) -> tup
 
 
 class _Comments(Struct, frozen=True):
-    """Values of the comments before each extrusion: purpose, name, height (mm or nan), number of layer comments."""
+    """What comments say about each extrusion: purpose, role name, height and number of layer comments.
+
+    The height is nan if no comment gives one.
+    """
 
     purpose: Int
     name: Int
@@ -139,14 +142,14 @@ class _Comments(Struct, frozen=True):
 
 
 def _read_comments(text: bytes, line: Int) -> _Comments:
-    """Read the comments before the lines (B,) of extrusions."""
+    """Read what the comments before the lines (B,) of extrusions say about them."""
     breaks = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
     comments = list(_COMMENT.finditer(text))
     place = np.searchsorted(breaks, np.array([comment.start() for comment in comments], np.int64)) + 1
     kinds = [comment[1] for comment in comments]
 
     def find_latest(keys: tuple[bytes, ...]) -> tuple[Int, list[str]]:
-        """Return the number of the last comment with one of the keys before each line, from 1, and the texts."""
+        """Return the number, from 1, of the last comment with a key before each line, and all the texts."""
         of_kind = [i for i, kind in enumerate(kinds) if kind in keys]
         texts = [comments[i][2].decode("utf-8", "replace").strip() for i in of_kind]
         return np.searchsorted(place[of_kind], line), texts

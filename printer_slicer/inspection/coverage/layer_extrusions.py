@@ -1,4 +1,4 @@
-"""Select single layers of a file with all their extrusions, including supports, rafts and skirts."""
+"""Select a single layer of a file, with all its extrusions, including supports, rafts and skirts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SAME_HEIGHT: Final = 0.004  # mm; nozzle heights that differ by less are one la
 
 
 class FileLayers(Struct, frozen=True, eq=False):
-    """The layers of a file: those of the part, and those with only supports or raft.
+    """The layers of a file, including layers that have only supports or raft.
 
     Attributes:
         beads: the extrusions, with their heights.
@@ -49,7 +49,7 @@ class FileLayers(Struct, frozen=True, eq=False):
         return len(self.top)
 
     def layer_at(self, z: float) -> int:
-        """Return the index of the layer at a height, mm; the lower one where two meet; -1 if there is none."""
+        """Return the index of the layer at a height, mm; the lower layer where two meet; else -1."""
         index = int(np.searchsorted(self.top, z - _SAME_HEIGHT))
         return index if z >= 0 and index < self.n_levels else -1
 
@@ -102,7 +102,7 @@ def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
     bottom = np.where(of_stack < 0, np.append(0.0, top[:-1]), np.append(stack.bottom, 0.0)[of_stack])
     near = np.minimum(np.searchsorted(top, beads.z_top - _SAME_HEIGHT), len(top) - 1)
     hit = np.abs(top[near] - beads.z_top) <= 2 * _SAME_HEIGHT
-    place = np.argsort(order)  # new index of each layer before sorting
+    place = np.argsort(order)  # index in the sorted layers of each unsorted layer
     level = np.where(outside_stack, np.where(hit, near, -1), place[stack.layer])
     # Extrusions outside the layers of the stack get the height of their file layer.
     height = np.where(outside_stack & np.isnan(comment_height) & hit, (top - bottom)[near], beads.height)
@@ -110,7 +110,7 @@ def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
 
 
 def _find_unknown_heights(z: Float, known: Float) -> Float:
-    """Return the heights in `z` that are not in `known`, merging those that differ by rounding."""
+    """Return the heights in `z` that are not in `known`; merge heights that differ only by rounding."""
     values = np.unique(np.round(z[z > _SAME_HEIGHT], 4))
     values = values[np.append(np.diff(values) > _SAME_HEIGHT, True)[: len(values)]]
     if not len(known):

@@ -1,4 +1,4 @@
-"""Compare a coverage with its limits; report diagnostics with their positions, the worst first."""
+"""Compare the coverage of each layer with limits, and report excesses with their positions."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ __all__ = [
     "place_of_largest_area",
 ]
 
-_MIN_AREA: Final = 1.0  # mm² in a layer; smaller areas are not reported
-_MIN_SQUARES: Final = 2.0  # squares of the extrusion width that may be missing or surplus at tips
+_MIN_AREA: Final = 1.0  # mm² in a layer; a smaller area is not reported
+_MIN_SQUARES: Final = 2.0  # squares of the extrusion width; at tips, this area may be missing or surplus
 _INFINITE: Final = np.inf
 
 
 @accept_former_fields(air="unsupported", under="underfilled", over="overfilled")
 class CoverageLimits(Struct, frozen=True):
-    """Limits for each layer.
+    """Limits for the coverage of each layer, beyond which it is reported.
 
     Attributes:
         uncovered: largest uncovered share of the shell.
@@ -54,7 +54,7 @@ class CoverageLimits(Struct, frozen=True):
 
 
 def excess_ratio(diagnostic: Diagnostic) -> float:
-    """Return the ratio of the amount to its limit; for missing material, of the limit to the amount."""
+    """Return how many times the limit is exceeded: amount / limit, or limit / amount for missing material."""
     amount, limit = diagnostic.amount or 0.0, diagnostic.limit or 0.0
     if diagnostic.code == "underfilled":
         amount, limit = limit, amount
@@ -62,7 +62,7 @@ def excess_ratio(diagnostic: Diagnostic) -> float:
 
 
 class _Measure(Struct, frozen=True, eq=False):
-    """One measurement of all layers.
+    """One measured quantity of all layers, with its limit.
 
     Attributes:
         name: code of its findings.
@@ -84,7 +84,7 @@ class _Measure(Struct, frozen=True, eq=False):
 
 
 def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> tuple[Diagnostic, ...]:
-    """Return a diagnostic for each run of layers beyond a limit, the worst first."""
+    """Return a diagnostic for each run of consecutive layers beyond a limit, the worst first."""
     found = [one for measure in _list_measures(coverage, limits) for one in _find_runs(coverage, measure)]
     return tuple(sorted(found, key=lambda one: -excess_ratio(one)))
 
@@ -92,7 +92,7 @@ def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> t
 def find_nearest_to_limit(
     coverage: Coverage, limits: CoverageLimits = CoverageLimits()
 ) -> tuple[Diagnostic, float]:
-    """Return the layer and measurement nearest to its limit as a diagnostic, and how much of the limit it uses.
+    """Return the layer nearest to a limit, as a diagnostic, and the share of the limit that it uses.
 
     The share is 0 for a perfect layer and 1 at the limit.
     """
@@ -103,7 +103,7 @@ def find_nearest_to_limit(
 
 
 def _limit_usage(amount: Float, limit: float) -> Float:
-    """Return amounts (L,) as shares of their limit; infinite for any amount if the limit is 0."""
+    """Return amounts (L,) divided by their limit; with a limit of 0, infinity for every positive amount."""
     return np.divide(amount, limit) if limit > 0 else np.where(amount > 0, _INFINITE, 0.0)
 
 
@@ -118,7 +118,7 @@ def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
 
 
 def _make_diagnostic(coverage: Coverage, measure: _Measure, run: Int) -> Diagnostic:
-    """Return a diagnostic for a run of consecutive layers, at the worst of them."""
+    """Return a diagnostic for a run of consecutive layers, located at its worst layer."""
     amount = measure.amount[run]
     layer = int(run[(amount.argmin if measure.name == "underfilled" else amount.argmax)()])
     x, y = measure.locate(layer)
@@ -138,7 +138,7 @@ def _make_diagnostic(coverage: Coverage, measure: _Measure, run: Int) -> Diagnos
 
 
 def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Measure]:
-    """Yield all measurements of a coverage."""
+    """Yield all measured quantities of a coverage, each with its limit."""
     uncovered, shell, covered = coverage.uncovered.area(), coverage.shell.area(), coverage.covered.area()
     share = uncovered / np.maximum(shell, 1e-9)
     yield _Measure(
@@ -180,7 +180,7 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
 
 
 def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
-    """Return the measurement of the distance between the outlines."""
+    """Return the distance between printed outline and section outline, with its limit."""
     outline, size = coverage.outline, np.maximum(coverage.sections.area(), coverage.covered.area())
     return _Measure(
         "outline",
@@ -196,7 +196,7 @@ def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
 
 
 def _volume_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Measure]:
-    """Yield the measurements of missing and of surplus material in the shell."""
+    """Yield missing material and surplus material in the shell, each with its limit."""
     fill, height, shell = coverage.fill.shell, coverage.stack.height, coverage.shell.area()
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
     surplus, missing = (fill - limits.overfilled) * shell, (limits.underfilled - fill) * shell
@@ -204,7 +204,7 @@ def _volume_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Me
     overfilled, underfilled = surplus > min_area, missing > min_area
     if overfilled.any():
         overfilled &= surplus - _area_beside_fins(coverage, overfilled, width) > min_area
-    # A small shell may deviate by more, because the least area that is reported is a larger share of it.
+    # A small shell may deviate by more: the smallest reported area is a larger share of a small shell.
     slack = min_area / np.maximum(shell, 1e-9)
     for name, limit, exceeds, used, allowed in (
         ("underfilled", limits.underfilled, underfilled, 1 - fill, 1 - limits.underfilled),
@@ -224,7 +224,7 @@ def _volume_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Me
 
 
 def _area_beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
-    """Return the area (L,) covered beside fins narrower than a line, mm²; `layers` (L,) selects layers."""
+    """Return the area (L,), mm², covered beside fins narrower than a line, in the selected layers (L,)."""
     sections = coverage.sections.of_layers(layers)
     fins = difference(sections, offset_open(sections, width / 2))
     beside = difference(coverage.covered.of_layers(layers), sections)
@@ -232,7 +232,7 @@ def _area_beside_fins(coverage: Coverage, layers: Bool, width: float) -> Float:
 
 
 def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
-    """Return the measurement of unsupported extrusion."""
+    """Return the length of unsupported extrusion, with its limit."""
     length, place = coverage.unsupported_length, np.full((coverage.stack.n_layers, 2), np.nan)
     for one in reversed(coverage.unsupported):
         place[coverage.layer_at(one.z)] = one.x, one.y
@@ -248,7 +248,7 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
 
 
 def place_of_largest_area(areas: Areas, layer: int) -> tuple[float, float]:
-    """Return the outline point nearest to the middle of a layer's largest area, mm; nan without an area."""
+    """Return the outline point, mm, nearest to the middle of a layer's largest area; nan without area."""
     rings = list(areas.rings(layer))
     if not rings:
         return np.nan, np.nan
@@ -260,7 +260,7 @@ def place_of_largest_area(areas: Areas, layer: int) -> tuple[float, float]:
 
 
 def find_line_near(coverage: Coverage, layer: int, x: float, y: float) -> int:
-    """Return the G-code line of the extrusion nearest to (x, y); of the first one in the layer if x is nan."""
+    """Return the G-code line of the extrusion nearest to (x, y), or of the layer's first one if x is nan."""
     selected = np.flatnonzero((coverage.stack.layer == layer) & coverage.of_part)
     if not len(selected):
         return 0

@@ -1,4 +1,4 @@
-"""Find the position of a part in a file by fitting its sections to the external perimeters."""
+"""Find where a part is in a file by fitting the part's sections to the file's external perimeters."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from printer_slicer.values import Struct
 __all__ = ["Match", "find_detached_extrusions", "fit_sections", "guess_shift", "shift_areas"]
 
 _N_POINTS: Final = 10_000  # enough for a shift exact to a micrometre
-_MIN_SHARE: Final = 0.05  # of all points that must be near outlines
+_MIN_SHARE: Final = 0.05  # share of all points that must be near outlines
 _SIZE_TOLERANCE: Final = 0.3  # mm by which the box of a layer may differ from that of its section
-_DETACHED_DISTANCE: Final = 1.0  # mm from the section; paths that stay farther away do not belong to it
+_DETACHED_DISTANCE: Final = 1.0  # mm; a path that stays farther away from a section does not belong to it
 
 
 class Match(Struct, frozen=True):
-    """The position of sections in a file, and the quality of their fit.
+    """The position of a part's sections in a file, and how well they fit there.
 
     Attributes:
         shift: x and y, mm, from the given position of the sections to the position that fits.
@@ -37,13 +37,13 @@ class Match(Struct, frozen=True):
 
 
 def shift_areas(areas: Areas, by: Float | tuple[float, float]) -> Areas:
-    """Shift areas in x and y; coordinates are rounded to the grid of the geometry."""
+    """Shift areas in x and y, and round their coordinates to the grid of the geometry."""
     xy = np.round(areas.xy + np.asarray(by), 5)
     return Areas(xy, areas.ring_start, areas.ring_layer, areas.n_layers)
 
 
 def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
-    """Return the median shift between the bounding boxes of the sections and of the layers.
+    """Return the median shift from the bounding boxes of the sections to those of the printed layers.
 
     If the boxes of some layers have the size of their section, only these count: skirts and brims make boxes wider.
     """
@@ -90,7 +90,7 @@ def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
         normal, depth = _depths_below_outline(outlines, sections, point - shift, layer)
         errors = depth - half
         near = np.abs(errors) < half
-        # If nearly all points fit already, the others must not affect the shift.
+        # If nearly all points fit already, the remaining points must not affect the shift.
         reach = max(3 * float(np.median(np.abs(errors[near]))), 0.01) if near.any() else 0.0
         near &= np.abs(errors) <= reach
         if not near.any():
@@ -111,7 +111,7 @@ def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
 
 
 def find_detached_extrusions(stack: Stack, sections: Areas) -> Bool:
-    """Return a mask (B,) of extrusions of unknown role whose path stays away from the section of its layer."""
+    """Return a mask (B,) of extrusions with unknown role and a path that stays away from the section."""
     beads, layer = stack.beads, stack.layer
     result = np.zeros(beads.n_beads, np.bool_)
     indices = np.flatnonzero((beads.purpose == Purpose.UNKNOWN) & (layer >= 0))
@@ -130,7 +130,7 @@ def find_detached_extrusions(stack: Stack, sections: Areas) -> Bool:
 
 
 def _find_external_perimeters(beads: Extrusions) -> Bool:
-    """Return a mask (B,) of the external perimeters, or of all extrusions of the part if roles are unknown."""
+    """Return a mask (B,) of external perimeters; of all extrusions of the part if roles are unknown."""
     outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
 
@@ -138,7 +138,10 @@ def _find_external_perimeters(beads: Extrusions) -> Bool:
 def _depths_below_outline(
     outlines: OutlineIndex, sections: Areas, points: Float, layer: Int
 ) -> tuple[Float, Float]:
-    """Return the inward normal (P, 2) of the outline nearest to each point, and its depth, mm; inf without outline."""
+    """Return the inward normal (P, 2) of the outline nearest to each point, and the point's depth, mm.
+
+    The depth is infinite without an outline.
+    """
     segment = outlines.nearest(points, layer)
     begin = sections.xy[segment]
     along = sections.xy[sections.following[segment]] - begin

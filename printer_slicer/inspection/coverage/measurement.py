@@ -1,4 +1,4 @@
-"""Measure the coverage: compare the extrusions of all layers with the sections of the part."""
+"""Measure how well the extrusions of each layer cover the section of the part in this layer."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Coverage", "CoverageRules", "coverage_of", "find_overlaps"]
 
-_MAX_ISLAND_SQUARES: Final = 3.0  # squares of the extrusion width, area of an island that may be missing
+_MAX_ISLAND_SQUARES: Final = 3.0  # squares of the extrusion width; an island of this area may be missing
 
 
 _MAX_DISTANCE: Final = 50.0  # mm from the part; extrusions farther away are ignored
 _SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are one layer
-_MIN_INNER_DEPTH: Final = 1.25  # extrusion widths; a shell deeper than this has inner perimeters
+_MIN_INNER_DEPTH: Final = 1.25  # multiples of the extrusion width; a deeper shell has inner perimeters
 
 
 @accept_former_fields(
     skin="surface_depth", slit="min_gap", beyond="outside_tolerance", too_often="overlap_ratio"
 )
 class CoverageRules(Struct, frozen=True):
-    """Parameters of the measurement.
+    """Parameters of the coverage measurement.
 
     Attributes:
         shell: mm, depth of the shell that must be filled; None: the depth of the file's own perimeters.
@@ -57,7 +57,7 @@ class CoverageRules(Struct, frozen=True):
 
 
 class Coverage(Struct, frozen=True, eq=False):
-    """The extruded material compared with the part; areas in mm², volumes in mm³, lengths in mm.
+    """How the extruded material covers the part; areas in mm², volumes in mm³, lengths in mm.
 
     Attributes:
         rules: parameters of the measurement.
@@ -115,7 +115,7 @@ class Coverage(Struct, frozen=True, eq=False):
     hanging = renamed_attribute("Coverage.hanging", "Coverage.unsupported_length")
 
     def layer_at(self, z: float) -> int:
-        """Return the index of the lowest layer whose top is at or above a height, mm."""
+        """Return the index of the lowest layer with its top at or above a height, mm."""
         return min(int(np.searchsorted(self.stack.top, z - _SAME_HEIGHT)), self.stack.n_layers - 1)
 
 
@@ -128,7 +128,7 @@ def coverage_of(
         stack: the extrusions in their layers.
         sections: sections of the part in its position in the file, one for each layer of the stack.
         rules: parameters of the measurement.
-        beside: (B,) mask of extrusions that do not belong to the part, besides those with such a purpose.
+        beside: (B,) mask of further extrusions that do not belong to the part, whatever their purpose.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -138,7 +138,7 @@ def coverage_of(
     of_part, astray = _classify_extrusions(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = exposed_areas(sections, stack.top, stack.bottom, rules.surface_depth)
-    # A spiral is a wall without top, bottom and infill.
+    # A turn of a spiral vase is only a wall, without top, bottom and infill.
     open_to_air = open_to_air.of_layers(~stack.has_rising_z)
     core = difference(offset(sections, -depth), open_to_air)
     shell = difference(sections, core)
@@ -172,7 +172,7 @@ def coverage_of(
 
 
 def _find_unsupported(stack: Stack, sections: Areas) -> tuple[UnsupportedExtrusion, ...]:
-    """Find unsupported extrusion near the part, as `slice`, `print` and a dry run do."""
+    """Find unsupported extrusion near the part, with the rules of `slice`, `print` and a dry run."""
     beads, n_beads = stack.beads, stack.beads.n_beads
     # Extrusion before the first layer of the part primes the nozzle.
     part = np.flatnonzero((stack.layer >= 0) & ~np.isin(beads.purpose, NOT_PART))
@@ -197,21 +197,21 @@ def _find_unsupported(stack: Stack, sections: Areas) -> tuple[UnsupportedExtrusi
 
 
 def _measure_outline(sections: Areas, body: Areas, stack: Stack, rules: CoverageRules) -> OutlineDistances:
-    """Measure the distances between the outlines of the part and of the print."""
+    """Measure the distances between the outline of the part and the outline of the print."""
     part, printed = (remove_narrow_gaps(one, rules.min_gap) for one in (sections, body))
     return measure_outline_distances(part, printed, _MAX_ISLAND_SQUARES * stack.beads.usual_width**2)
 
 
 def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Areas) -> tuple[Areas, Float]:
-    """Return the areas inside the shell, and the area that the shell should fill in each layer, (L,) mm²."""
-    # Rounded sides make extrusions smaller than their outline. Inner perimeters compensate for this.
+    """Return the areas inside the shell, and how much area the shell should fill in each layer (L,), mm²."""
+    # Extrusions with rounded sides do not fill their outline completely; inner perimeters fill the rest.
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
     area_to_fill = np.maximum(_areas_to_fill(sections, stack, depth).area() - inner.area(), 0.0)
     return inner.of_layers(~stack.has_rising_z), area_to_fill
 
 
 def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
-    """Return the area of each section that should be filled.
+    """Return the areas of each section that extrusions should fill.
 
     Inner perimeters fill the gaps beside the rounded sides of external perimeters. Walls of one or two perimeters have
     no inner ones, so there these gaps remain.
@@ -224,7 +224,7 @@ def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
 
 
 def _classify_extrusions(stack: Stack, sections: Areas, beside: Bool | None) -> tuple[Bool, Bool]:
-    """Return masks (B,) of the extrusions of the part, and of those with a role of the part but far from it."""
+    """Return masks (B,) of the part's extrusions, and of extrusions far from it with a part's role."""
     of_part = ~np.isin(stack.beads.purpose, NOT_PART) & (stack.layer >= 0)
     of_part &= True if beside is None else ~beside
     astray = of_part & _find_distant_extrusions(stack.beads, sections)
@@ -232,7 +232,7 @@ def _classify_extrusions(stack: Stack, sections: Areas, beside: Bool | None) -> 
 
 
 def _find_distant_extrusions(beads: Extrusions, sections: Areas) -> Bool:
-    """Return a mask (B,) of extrusions that start or end far from every section; none if there are no sections."""
+    """Return a mask (B,) of extrusions that start or end far from all sections; False without sections."""
     if not sections.n_rings:
         return np.zeros(beads.n_beads, np.bool_)
     low, high = sections.xy.min(axis=0) - _MAX_DISTANCE, sections.xy.max(axis=0) + _MAX_DISTANCE
@@ -241,7 +241,7 @@ def _find_distant_extrusions(beads: Extrusions, sections: Areas) -> Bool:
 
 
 def find_overlaps(coverage: Coverage, layer: int) -> Areas:
-    """Return where the extrusions of a layer overlap, rounded to cells, as areas of one layer."""
+    """Return the areas where the extrusions of a layer overlap, rounded to raster cells."""
     own = np.flatnonzero(coverage.of_part & (coverage.stack.layer == layer))
     height = float(coverage.stack.height[layer])
     return overlap_cells(

@@ -1,4 +1,4 @@
-"""Check G-code of any slicer against its model: find the position of the model and measure coverage."""
+"""Check G-code of any slicer against its model: find where the model is and measure the coverage."""
 
 from __future__ import annotations
 
@@ -36,18 +36,16 @@ from printer_slicer.values import Struct, field, replace
 __all__ = ["Check", "CheckOptions", "check_gcode", "place_sections", "read_gcode_extrusions"]
 
 _RESOLUTION: Final = 0.005  # mm; sections for measurements are finer than printed ones
-_CUT_OFFSET: Final = (
-    0.002  # mm above and below the middle of a layer, where flat surfaces may be printed either way
-)
+_CUT_OFFSET: Final = 0.002  # mm from the middle of a layer; flat surfaces here may be rounded up or down
 _MIN_DIFFERENCE: Final = 1.0  # mm² between the sections above and below a flat surface
 _NEAR_DISTANCE: Final = 3.0  # mm around the part; extrusions farther away make no layers
-_ROUNDING: Final = 0.01  # mm; rounding of heights in files
+_ROUNDING: Final = 0.01  # mm; files round heights by up to this
 _MIN_MISSING_AREA: Final = (
     1.0  # mm², printable area of all missing layers together; a smaller tip may be missing
 )
 _MIN_NEEDLE_AREA: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
 _MIN_MATCH_SHARE: Final = (
-    0.5  # of the length of the external perimeters; less means that the file is of another part
+    0.5  # share of the external perimeter length that must fit; less means that the file prints another part
 )
 
 
@@ -80,12 +78,12 @@ class Check(Struct, frozen=True, eq=False):
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is beyond its limit."""
+        """Whether the check found no problems."""
         return not (self.findings or self.problems)
 
 
 class CheckOptions(Struct, frozen=True):
-    """Options of a check: parameters, limits, and what is known about the file.
+    """Options of a check: parameters of the measurement, limits, and facts about the file.
 
     Attributes:
         rules: parameters of the measurement.
@@ -143,7 +141,7 @@ def check_gcode(
 def read_gcode_extrusions(
     text: bytes, filament_diameter: float | None, name: str
 ) -> tuple[GcodeExtrusions, Stack]:
-    """Return the extrusions of G-code, and the layers of the part in it.
+    """Return the extrusions of a G-code text, and the layers of the part in them.
 
     Args:
         text: G-code of any slicer.
@@ -164,7 +162,7 @@ def read_gcode_extrusions(
 def place_sections(
     mesh: Mesh, deposit: GcodeExtrusions, stack: Stack, placement: Placement | None = None
 ) -> tuple[Stack, Areas, Match]:
-    """Return the sections of a part at its position in a file, and the quality of the fit.
+    """Place a part at its position in a file; return its layers, its sections, and how well they fit.
 
     Args:
         mesh: the part, repaired, scaled and rotated, at any position.
@@ -186,7 +184,7 @@ def place_sections(
 def _match_part(
     mesh: Mesh, beads: Extrusions, stack: Stack, placement: Placement | None
 ) -> tuple[Mesh, Stack, Areas, Match]:
-    """Return the part at its position, its layers, its section in each layer, and the quality of the fit."""
+    """Return the part at its position in the file, its layers, its sections, and how well they fit."""
     part = _place_part(mesh, stack, placement)
     pair = _cut_below_and_above_middle(part, stack)
     match = _fit_position(stack, pair[0], is_searched=placement is None)
@@ -203,7 +201,7 @@ def _match_part(
 
 
 def _place_part(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
-    """Move the part to the requested position; by default its corner is at the origin, on the raft or bed."""
+    """Move the part to the requested position; by default, to the origin, on the raft or bed."""
     low, high = mesh.bounds
     shift = -low
     if placement is not None and placement.as_placed:
@@ -218,7 +216,7 @@ def _place_part(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
 
 
 def _cut_below_and_above_middle(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
-    """Return the sections just below and just above the middle of each layer."""
+    """Return the sections just below the middle of each layer, and the sections just above it."""
     middle = (stack.top + stack.bottom) / 2
     low, high = (
         cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_CUT_OFFSET, _CUT_OFFSET)
@@ -227,7 +225,7 @@ def _cut_below_and_above_middle(part: Mesh, stack: Stack) -> tuple[Areas, Areas]
 
 
 def _fit_position(stack: Stack, sections: Areas, *, is_searched: bool) -> Match:
-    """Find the position of sections, or measure the quality of the fit at their given position."""
+    """Find the position where sections fit, or measure how well they fit at the given position."""
     if not is_searched:
         return replace(fit_sections(stack, sections, rounds=0), shift=(0.0, 0.0))
     guess = guess_shift(stack, sections)
@@ -236,14 +234,14 @@ def _fit_position(stack: Stack, sections: Areas, *, is_searched: bool) -> Match:
 
 
 def _find_extrusions_near(part: Mesh, beads: Extrusions) -> Bool:
-    """Return a mask (B,) of the part's extrusions that start near the bounding box of the mesh."""
+    """Return a mask (B,) of extrusions with a part's role that start near the bounding box of the mesh."""
     low, high = part.bounds[:, :2]
     near = ((beads.begin > low - _NEAR_DISTANCE) & (beads.begin < high + _NEAR_DISTANCE)).all(axis=1)
     return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
 
 
 def _choose_sections(stack: Stack, low: Areas, high: Areas) -> Areas:
-    """Return the sections; at a flat surface, choose the one below or above it that is more similar to the print.
+    """Choose for each layer the section below or above its middle that is more similar to the print.
 
     A flat surface exactly in the middle of a layer may be printed either way.
     """
@@ -259,7 +257,7 @@ def _choose_sections(stack: Stack, low: Areas, high: Areas) -> Areas:
 
 
 def _find_problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
-    """Yield the problems of the whole file as text."""
+    """Yield messages about problems of the whole file."""
     stack = coverage.stack
     if match.share < _MIN_MATCH_SHARE:
         yield (
@@ -278,7 +276,7 @@ def _find_problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str
 
 
 def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> bool:
-    """Return whether printable layers are missing above the last one; thin tips are not printable."""
+    """Return whether printable layers are missing above the last layer; thin tips do not count."""
     stack = coverage.stack
     height = float(stack.height[-1])
     if missing_height <= height / 2 + _ROUNDING:
@@ -287,7 +285,7 @@ def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> b
     top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
     try:
         above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
-    except PartError:  # the tip is too slender to have a section
+    except PartError:  # the missing top is too thin to have a section
         return False
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
     is_printable = offset_open(above, width / 2).area().sum() > _MIN_MISSING_AREA
@@ -297,7 +295,7 @@ def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> b
 
 
 def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
-    """Yield the assumptions, and the volumes that do not belong to the part, as text."""
+    """Yield notes for users: what was assumed, and how much material does not belong to the part."""
     stack = coverage.stack
     if not deposit.diameter_known:
         diameter = f"{deposit.diameter[0]:g} mm is assumed (set it with `filament_diameter`)"

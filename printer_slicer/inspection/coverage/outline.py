@@ -1,4 +1,4 @@
-"""Measure the distance between the printed outline and the outline of the section."""
+"""Measure the distance between the outline of the print and the outline of the part's section."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from printer_slicer.values import Struct, force_setattr
 __all__ = ["OutlineDistances", "measure_outline_distances", "sample_outlines"]
 
 _MAX_SPACING: Final = 0.5  # mm, largest spacing of samples along an outline
-_MAX_DIFFERENCE: Final = 0.005  # mm; more samples where the distances of neighbours differ by more
-_REFINEMENT: Final = 8  # number of samples instead of one there
-_IGNORED_LENGTH: Final = 3.0  # mm of both outlines, for tips of fins that are narrower than any line
+_MAX_DIFFERENCE: Final = 0.005  # mm; samples are added between neighbours with a larger difference
+_REFINEMENT: Final = 8  # number of intervals into which added samples split an interval
+_IGNORED_LENGTH: Final = 3.0  # mm of outline that `p95` may leave out, such as tips of narrow fins
 
 
 class OutlineDistances(Struct, frozen=True, eq=False):
-    """Distances between two outlines of each layer, both ways, mm; nan where a layer lacks one of them.
+    """Distances between printed and intended outline of each layer, mm; nan if a layer lacks an outline.
 
     Attributes:
         p95: (L,) distance exceeded on a twentieth of the length of both outlines, and on at least 3 mm.
@@ -39,7 +39,7 @@ class OutlineDistances(Struct, frozen=True, eq=False):
 
 
 def measure_outline_distances(sections: Areas, printed: Areas, speck: float = 0.0) -> OutlineDistances:
-    """Return the distances of samples on each outline from the other, layer by layer.
+    """Return the distances between printed and intended outlines in each layer, measured at samples.
 
     Args:
         sections: sections of the part.
@@ -80,10 +80,10 @@ def measure_outline_distances(sections: Areas, printed: Areas, speck: float = 0.
 
 
 def _measure_distances(areas: Areas, other: OutlineIndex) -> tuple[Float, Int, Float, Float]:
-    """Return points along all outlines (P, 2), their layers, the length that each represents, and its distance, mm."""
+    """Return points along all outlines (P, 2), and the layer, represented length and distance of each, mm."""
     points, layer, weight, after = sample_outlines(areas)
     distance = other.distance(points, layer)
-    # The distances of a layer are all finite or all infinite.
+    # In each layer, either all distances are finite or all are infinite.
     needs_refinement = np.isfinite(distance)
     needs_refinement[needs_refinement] = (
         np.abs(distance[after[needs_refinement]] - distance[needs_refinement]) > _MAX_DIFFERENCE
@@ -102,7 +102,7 @@ def _measure_distances(areas: Areas, other: OutlineIndex) -> tuple[Float, Int, F
 
 
 def sample_outlines(areas: Areas) -> tuple[Float, Int, Float, Int]:
-    """Return points along all outlines (P, 2), their layers, the length that each represents, and its successor."""
+    """Return points along all outlines (P, 2), and the layer, represented length and next point of each."""
     way = areas.xy[areas.following] - areas.xy
     length = np.hypot(*way.T)
     count = np.maximum(np.ceil(length / _MAX_SPACING), 1).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Rasterize extrusions: how full each cell of a layer is.
+"""Rasterize extrusions: measure how full of material each cell of a layer is.
 
 Cells are 0.1 mm wide, or 0.2 mm on plates of more than two million cells. Extrusions are upright bodies of their own
 height, as wide as their spacing, so that adjacent extrusions fill every cell once. Each body is split into pieces
@@ -28,14 +28,14 @@ __all__ = [
 
 _FINE_CELL, _COARSE_CELL = 0.1, 0.2  # mm
 _MAX_FINE_CELLS: Final = 2_000_000  # fine cells
-_MAX_THREAD_RATIO: Final = 1.15  # width divided by height, up to which an extrusion is a round thread
+_MAX_THREAD_RATIO: Final = 1.15  # maximum ratio of width to height of a round thread
 _LINES_PER_ROW: Final = 4
 _HEIGHT_TOLERANCE: Final = 0.01  # mm
 _BLOCK_SIZE: Final = 1 << 18  # pieces; limits the memory
 
 
 class CellWindow(Struct, frozen=True):
-    """A rectangle of cells; cell (i, j) has its lower corner at ((left + j) · cell, (front + i) · cell).
+    """A rectangle of cells; the lower corner of cell (i, j) is ((left + j) · cell, (front + i) · cell).
 
     Attributes:
         left, front: column and row of the first cell.
@@ -51,24 +51,24 @@ class CellWindow(Struct, frozen=True):
 
     @classmethod
     def around(cls, low: Float, high: Float, margin: float, cell: float) -> CellWindow:
-        """Return the cells touched by the box from `low` to `high` (2,) mm, with a margin."""
+        """Return the cells that the box from `low` to `high` (2,), mm, extended by a margin, touches."""
         left, front = np.floor((low - margin) / cell).astype(int).tolist()
         right, back = np.ceil((high + margin) / cell).astype(int).tolist()
         return cls(left, front, max(right - left, 1), max(back - front, 1), cell)
 
     def slices_in(self, other: CellWindow) -> tuple[slice, slice]:
-        """Return the slices of these cells in the array of an enclosing window."""
+        """Return the slices that select this window's cells in the array of an enclosing window."""
         i, j = self.front - other.front, self.left - other.left
         return slice(i, i + self.deep), slice(j, j + self.wide)
 
     def rows_and_columns(self, points: Float) -> tuple[Int, Int]:
-        """Return row and column of points (P, 2) mm, clipped to the window."""
+        """Return rows and columns (P,) of the cells that contain points (P, 2), mm, clipped to the window."""
         j = np.clip(np.floor(points[:, 0] / self.cell).astype(np.int64) - self.left, 0, self.wide - 1)
         i = np.clip(np.floor(points[:, 1] / self.cell).astype(np.int64) - self.front, 0, self.deep - 1)
         return i, j
 
     def edge_distance(self, beads: Extrusions) -> float:
-        """Return the smallest distance of the centre lines of extrusions from the outermost cells, mm."""
+        """Return the smallest distance, mm, from a centre line of extrusions to the outermost cells."""
         ends = np.concatenate([beads.begin, beads.end]) / self.cell
         low = (ends - (self.left, self.front)).min(initial=np.inf)
         high = ((self.left + self.wide, self.front + self.deep) - ends).min(initial=np.inf)
@@ -85,7 +85,7 @@ def choose_cell_width(low: Float, high: Float) -> float:
 
 
 def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
-    """Return how often each cell (deep, wide) is filled up to the height of its extrusions; 1 is full.
+    """Return how many times full of material each cell (deep, wide) is; 1 is exactly full.
 
     Sloped extrusions count by the share of the layer height that they fill.
 
@@ -100,7 +100,7 @@ def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = 
     threads = (beads.height > layer_height + _HEIGHT_TOLERANCE) & (width <= beads.height * _MAX_THREAD_RATIO)
     width_filled = np.where(threads, width, beads.area / beads.height)
     spread_width = np.minimum(width_filled, 2 * window.edge_distance(beads))
-    # Sloped extrusions are lower than their layer; those above them fill the rest.
+    # Sloped extrusions are lower than their layer; the extrusions above them fill the rest.
     share = np.minimum(beads.height / layer_height, 1) if np.isfinite(layer_height) else 1.0
     material_width = np.where(beads.rise != 0, width_filled * share, width_filled)
     along = np.maximum(np.ceil(beads.length / window.cell), 1).astype(np.int64)
@@ -117,7 +117,7 @@ def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = 
 
 
 def _split_runs(block: Int) -> list[tuple[int, int]]:
-    """Return the first index of each run of equal values, and the index after its last one."""
+    """Return, for each run of equal values, its first index and the index after its end."""
     if not len(block):
         return []
     cuts = np.flatnonzero(np.diff(block)) + 1
@@ -163,12 +163,12 @@ def _spread_material(
 
 
 def make_scan_lines(areas: Areas, cell: float) -> Lines:
-    """Return lines along x that fill areas, four per row of cells."""
+    """Return scan lines along x within areas, four lines per row of cells."""
     return hatch(areas, angle=0.0, spacing=cell / _LINES_PER_ROW, phase=0.5)
 
 
 def covered_share(scan_lines: Lines, layer: int, window: CellWindow) -> Float:
-    """Return the share of each cell (deep, wide) that scan lines cover; exact along x, to 1/4 cell along y."""
+    """Return which share of each cell (deep, wide) scan lines cover; exact along x, to 1/4 cell along y."""
     first, last = np.searchsorted(scan_lines.layer, [layer, layer + 1])
     row = scan_lines.row[first:last] // _LINES_PER_ROW - window.front
     inside = (row >= 0) & (row < window.deep)
@@ -185,7 +185,7 @@ def covered_share(scan_lines: Lines, layer: int, window: CellWindow) -> Float:
 
 
 def window_mean(values: Float, reach: int) -> Float:
-    """Return the mean over the square of 2 · reach + 1 cells around each cell; outside cells are empty."""
+    """Return the mean around each cell, over a square of 2 · reach + 1 cells; cells outside count as 0."""
     sums = np.pad(values, ((reach + 1, reach), (reach + 1, reach))).cumsum(axis=0).cumsum(axis=1)
     size = 2 * reach + 1
     total = sums[size:, size:] - sums[:-size, size:] - sums[size:, :-size] + sums[:-size, :-size]

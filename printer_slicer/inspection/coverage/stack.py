@@ -21,21 +21,21 @@ from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["Stack", "split_thick_extrusions", "stack_extrusions", "stack_of_program"]
 
-_MIN_HEADING_LENGTH: Final = 0.1  # mm; the heading of shorter extrusions is not exact
+_MIN_HEADING_LENGTH: Final = 0.1  # mm; the direction of shorter extrusions is not exact
 _TURN_TOLERANCE: Final = 0.02  # turns
 _MAX_UNEVENNESS: Final = 0.2  # of the height of a turn; more means that turns differ in height
 _SAME_HEIGHT: Final = 0.004  # mm; closer nozzle heights are one layer; files round z to 0.001 or 0.01
-_MAX_DEPTH: Final = 8  # largest number of layers that one extrusion fills
+_MAX_DEPTH: Final = 8  # maximum number of layers that one extrusion fills
 _WIDE_RATIO: Final = (
-    1.3  # of the usual width; wider extrusions are higher than their layer, if their role allows
+    1.3  # times the usual width; wider extrusions are higher than their layer, if their role allows
 )
-_HEIGHT_TOLERANCE: Final = 0.01  # mm between the height in a comment and one that the moves allow
+_HEIGHT_TOLERANCE: Final = 0.01  # mm; tolerance for the heights in comments
 _MIN_HEIGHT: Final = 1e-3  # mm, for finite widths
 _MIN_RAFT_STEP: Final = 0.04  # mm; no layer on a raft is thinner
 _MAX_RAFT_GAP: Final = 0.3  # mm, largest gap that slicers leave between raft and part
 _MAX_FLAT_RISE: Final = 1e-4  # mm, change of z along a flat extrusion
 _MIN_FLAT_LENGTH: Final = 5.0  # mm; shorter flat runs in a spiral come from rounding
-_DEFAULT_HEIGHT: Final = 0.2  # mm, height of extrusions without a layer
+_DEFAULT_HEIGHT: Final = 0.2  # mm; assumed height of extrusions without a layer
 _WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
 _MAY_BE_THICK: Final = (
     Purpose.UNKNOWN,
@@ -48,7 +48,7 @@ _FILL_SEVERAL_LAYERS: Final = (Purpose.PERIMETER, Purpose.INTERNAL_INFILL)
 
 
 class Stack(Struct, frozen=True, eq=False):
-    """Extrusions with their layers.
+    """Extrusions, and the layers to which they belong.
 
     Attributes:
         beads: the extrusions, with their heights.
@@ -82,7 +82,7 @@ class Stack(Struct, frozen=True, eq=False):
 
     @property
     def has_rising_z(self) -> Bool:
-        """Mask (L,) of layers printed mostly while z rises; in a spiral vase, of all layers above them, too."""
+        """Mask (L,) of layers printed mostly while z rises, and in a spiral vase of all layers above."""
         own = self.layer >= 0
         length = self.beads.length * np.where(np.abs(self.beads.rise) >= _MAX_FLAT_RISE, 1.0, -0.9)
         found = np.bincount(self.layer[own], length[own], self.n_layers) > 0
@@ -97,7 +97,7 @@ class Stack(Struct, frozen=True, eq=False):
 
     @property
     def is_spiral_end(self) -> Bool:
-        """Mask (L,) of the first and last turn of a spiral, where the extrusion height starts or ends at 0."""
+        """Mask (L,) of the first and last turn of a spiral vase, whose height starts or ends at 0."""
         result = np.zeros(self.n_layers, np.bool_)
         if self.spiral:
             result[np.flatnonzero(self.has_rising_z)[[0, -1]]] = True
@@ -105,7 +105,7 @@ class Stack(Struct, frozen=True, eq=False):
 
 
 def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
-    """Split extrusions that fill several layers; return the new stack, and the original index of each, (B,).
+    """Split extrusions that fill several layers; return the new stack, and each extrusion's old index (B,).
 
     Inner perimeters and sparse infill may fill several layers, and so may all extrusions of an object whose layers
     differ from those of other objects. The parts of a layer are in the order of their extrusions.
@@ -136,7 +136,7 @@ def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
 
 
 def stack_of_program(program: Program, filament_diameter: float) -> Stack:
-    """Return the extrusions of a program with the layers of its plan, including empty layers.
+    """Return the extrusions of a program, and the layers of its layer plan, including empty layers.
 
     Args:
         program: the moves.
@@ -209,13 +209,13 @@ def _find_flat_extrusions(beads: Extrusions, of_part: Bool) -> Bool:
 
 
 def _distinct_heights(z: Float) -> Float:
-    """Return the distinct heights of extrusions; of heights that differ by rounding, the highest."""
+    """Return the distinct heights of extrusions; merge heights that differ by rounding to the highest."""
     values = np.unique(np.round(z, 4))
     return np.asarray(values[np.append(np.diff(values) > _SAME_HEIGHT, True)[: len(values)]])
 
 
 def _ends_with_flat_turn(levels: Float, beads: Extrusions, sloped: Bool) -> bool:
-    """Return whether the highest of the levels is the flat last turn of a spiral instead of a layer."""
+    """Return whether the highest level is the flat last turn of a spiral, and not a layer."""
     if len(levels) < 2:
         return False
     between = sloped & (beads.z_top > levels[-2] + _SAME_HEIGHT)
@@ -289,7 +289,7 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
         agrees |= by_comment & np.isin(layer, layer[external])
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE_RATIO * usual)
-    # Threads across a gap are as thick as the strand that leaves the nozzle.
+    # Extrusions across a gap are as thick as the strand that leaves the nozzle.
     thread = (beads.purpose == Purpose.BRIDGE) & (comment_height > layer_height + _HEIGHT_TOLERANCE)
     height = np.where(
         thread, np.maximum(np.minimum(comment_height, np.sqrt(4 * beads.area / pi)), layer_height), height

@@ -1,4 +1,4 @@
-"""Compute the areas to compare: the covered area, and the shell that must have no gaps."""
+"""Compute the areas that are compared: the covered area, and the shell, which must have no gaps."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from printer_slicer.inspection.coverage.stack import Stack
 
 __all__ = ["exposed_areas", "footprint", "path_numbers", "printed_body", "remove_narrow_gaps", "shell_depth"]
 
-_MAX_JOINT_GAP: Final = 1e-3  # mm between the end of an extrusion and the start of the next one in a path
+_MAX_JOINT_GAP: Final = 1e-3  # mm; largest gap between an extrusion and the next one in a path
 _WIDTH_STEP: Final = 0.002  # mm; widths are rounded to this step
 _MAX_WIDTH: Final = 10.0  # mm
 _WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
 _N_POINTS: Final = 10_000  # points along perimeters, enough for an exact depth
-_MAX_DEPTH: Final = 4.0  # mm; perimeters deeper than this do not make a shell thicker
-_MAX_UPRIGHT_MOVE: Final = 0.01  # mm from layer to layer, up to which the wall of a spiral is upright
+_MAX_DEPTH: Final = 4.0  # mm; deeper perimeters do not make a shell thicker
+_MAX_UPRIGHT_MOVE: Final = 0.01  # mm from layer to layer; a wall that moves less is upright
 
 
 def path_numbers(beads: Extrusions, layer: Int) -> Int:
@@ -40,7 +40,7 @@ def path_numbers(beads: Extrusions, layer: Int) -> Int:
 
 
 def footprint(stack: Stack, chosen: Bool) -> Areas:
-    """Return the area that chosen extrusions (B,) cover in each layer: the union of their outlines with round ends.
+    """Return the area that chosen extrusions (B,) cover in each layer, with round ends of the extrusions.
 
     Widths are rounded to 0.002 mm, and positions to 0.01 µm. No extrusion is wider than 10 mm, however much is fed.
     """
@@ -61,7 +61,7 @@ def footprint(stack: Stack, chosen: Bool) -> Areas:
 
 
 def shell_depth(stack: Stack, sections: Areas) -> float:
-    """Return the depth of a file's perimeters in the part, mm; twice the usual width if roles are unknown.
+    """Return how deep a file's perimeters reach into the part, mm; twice the usual width without roles.
 
     It depends on the position of centre lines, not on volume: too little material does not make the shell thinner.
     """
@@ -87,7 +87,7 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
 
 
 def _spiral_wall_thickness(stack: Stack, sections: Areas) -> float:
-    """Return the wall thickness of a spiral, mm: twice the depth of its centre line at upright outlines.
+    """Return the wall thickness of a spiral vase, mm: twice the depth of its centre line at upright walls.
 
     Where the outline moves from turn to turn, the outline at the height of an extrusion is not that of its section. If
     this is so everywhere, the result is the width of the extrusions, or twice their depth if that is less.
@@ -110,7 +110,7 @@ def _spiral_wall_thickness(stack: Stack, sections: Areas) -> float:
 
 
 def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: float) -> Areas:
-    """Return the parts of each section with air within `surface_depth` mm above or below; the bed counts as air.
+    """Return the parts of each section that have air or the bed within `surface_depth` mm above or below.
 
     With a depth of 0, only the next layer counts.
     """
@@ -124,7 +124,7 @@ def exposed_areas(sections: Areas, top: Float, bottom: Float, surface_depth: flo
 
 
 def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float) -> Areas:
-    """Return the printed body as seen from outside: covered areas and areas enclosed by the shell, without voids.
+    """Return the printed body: covered areas and the areas that the shell encloses, without voids.
 
     A void is an uncovered piece of the section that is everywhere deeper than `tolerance` mm below the outline.
     """
@@ -140,6 +140,6 @@ def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float)
 
 
 def remove_narrow_gaps(sections: Areas, min_gap: float) -> Areas:
-    """Remove gaps and fins from sections that are narrower than a width, because no nozzle prints them."""
+    """Remove gaps and fins narrower than `min_gap`, mm, from sections, because no nozzle prints them."""
     closed = offset(offset(sections, min_gap / 2), -min_gap / 2)
     return offset_open(closed, min_gap / 2)

@@ -1,1 +1,1 @@
-"""Record where moves extrude, and find unsupported extrusion, collisions and missing filament."""
+"""Record where a print extrudes, and find unsupported extrusion, collisions and missing extrusion."""

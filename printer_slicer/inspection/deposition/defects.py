@@ -1,4 +1,4 @@
-"""Find defects of the extrusion, height by height, on the height map of everything printed before.
+"""Find defects of the extrusion, height by height, with a height map of everything printed before.
 
 defect              condition
 unsupported         extrusion with nothing below it, see `deposition.unsupported`
@@ -31,16 +31,16 @@ from printer_slicer.inspection.deposition.unsupported import (
 __all__ = ["COLLISION_DEPTH", "DefectFinder"]
 
 COLLISION_DEPTH: Final = 0.12
-"""Depth of the nozzle below the print in its path that counts as a collision, mm."""
+"""A nozzle that moves deeper than this below the top of the print collides with it, mm."""
 
-_PLUNGE_DEPTH: Final = 0.5  # mm; a move straight down this far into the print, or beside it, is a collision
-_MIN_BED_CLEARANCE: Final = 0.04  # mm between the nozzle and the bed
+_PLUNGE_DEPTH: Final = 0.5  # mm; moving straight down this far into the print, or beside it, is a collision
+_MIN_BED_CLEARANCE: Final = 0.04  # mm; least distance between an extruding nozzle and the bed
 _FLOW_TOLERANCE: Final = 1.01  # factor on the highest flow
 _MAX_DEFECTS: Final = 200
 
 
 class DefectFinder:
-    """Finds the defects in moves of one height at a time.
+    """Finds the defects of a print from batches of moves, each at one height.
 
     Args:
         height_map: everything printed so far; checked moves are added to it.
@@ -72,7 +72,7 @@ class DefectFinder:
             add_to_height_map(self._height_map, batch, extruding_pieces, cell[extruding], self._marks)
 
     def _check_flow(self, batch: MoveBatch, layers: Int) -> None:
-        """Record the highest flow, and flow above the maximum of the material."""
+        """Record the highest flow so far, and defects where the flow exceeds the maximum of the material."""
         if not len(batch.flow):
             return
         index = int(batch.flow.argmax())
@@ -92,7 +92,7 @@ class DefectFinder:
         upright = pieces.length <= NEGLIGIBLE
         sinks = (batch.end[:, 2] < batch.start[:, 2] - NEGLIGIBLE)[pieces.move]
         deep = np.flatnonzero((pieces.z < self._height_map.highest - _PLUNGE_DEPTH) & (~upright | sinks))
-        if len(deep):  # a nozzle gets wider upwards, so a deep one touches the cells around it
+        if len(deep):  # a nozzle gets wider upwards, so deep in the print it touches the neighbouring cells
             around = self._height_map.max_depth_below_print_around(cell[deep], pieces.z[deep])
             depth[deep] = np.where(around > _PLUNGE_DEPTH, around, depth[deep])
         hit = np.flatnonzero(
@@ -122,7 +122,7 @@ class DefectFinder:
             self._record(defect._replace(x=float(pieces.x[piece]), y=float(pieces.y[piece])))
 
     def _record(self, defect: Defect) -> None:
-        """Record a defect; those of one kind in one layer are merged."""
+        """Record a defect; merge it with an earlier defect of its kind in its layer."""
         previous = next(
             (i for i in range(len(self.defects) - 1, -1, -1) if self.defects[i].kind == defect.kind), None
         )

@@ -1,8 +1,9 @@
-"""Height map of the plate: the top of the print in each cell, for collisions and unsupported extrusion.
+"""Height map of the plate: the top of the print in each cell, to find collisions and missing support.
 
-Cells are 0.25 mm wide. An extrusion marks the cells whose middle it covers. Its marked width is the spacing of
-extrusions, so neighbours leave no gap, and a nozzle that only brushes its side does not collide. It is supported if the
-print in its cell or in a neighbouring one is lower by at most the diameter of the extruded strand.
+Cells are 0.25 mm wide. An extrusion marks the cells whose middle it covers. The marked width is the spacing
+of extrusions, so neighbours leave no gap, and a nozzle that only brushes the side of an extrusion does not
+collide. An extrusion is supported if the print in its cell or in a neighbouring cell is lower by at most the
+diameter of the extruded strand.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ __all__ = [
 CELL: Final = 0.25
 """Width of a cell, mm."""
 
-_SUPPORT_REACH: Final = 1  # cells to all sides in which the print may support an extrusion
-_MAX_WIDTH: Final = 2.0  # mm; an extrusion marks no more, however much filament is fed
+_SUPPORT_REACH: Final = 1  # cells; an extrusion may be supported by the print this far to each side
+_MAX_WIDTH: Final = 2.0  # mm; maximum marked width of an extrusion, however much filament is fed
 _MAP_MARGIN: Final = 2.0  # mm around the area that the nozzle can reach
 
 
 class MovePieces(Struct, frozen=True, eq=False):
-    """Moves split into pieces no longer than a cell.
+    """Moves that were split into pieces no longer than a cell.
 
     Attributes:
         move: (P,) index of the move of each piece.
@@ -64,7 +65,7 @@ class MovePieces(Struct, frozen=True, eq=False):
         )
 
     def shift(self, offsets: Float) -> MovePieces:
-        """Return the pieces with each move shifted by its offset (n, 2) in x and y, mm."""
+        """Return the pieces, shifted in x and y by the offsets (n, 2), mm, of their moves."""
         x, y = (np.ascontiguousarray(offsets[:, axis])[self.move] for axis in (0, 1))
         x += self.x
         y += self.y
@@ -106,7 +107,7 @@ class PlateHeights(Struct, frozen=True, eq=False):
 
 
 class HeightMap:
-    """Height map of the print so far, by cells of the plate.
+    """The height of the print so far in each cell of the plate.
 
     Args:
         low, high: corners of the area that the nozzle can reach, x and y, mm; everything outside is ignored.
@@ -126,7 +127,7 @@ class HeightMap:
         self.highest = 0.0
 
     def cells(self, pieces: MovePieces) -> Int:
-        """Return the cell (P,) of each piece."""
+        """Return the index (P,) of the cell that contains each piece."""
         # Rounding towards 0 is cheap: pieces less than a cell outside fall into edge cells, which are empty.
         column = ((pieces.x - self._left) * (1 / CELL)).astype(np.int64)
         row = ((pieces.y - self._front) * (1 / CELL)).astype(np.int64)
@@ -134,17 +135,17 @@ class HeightMap:
         return np.where(inside, row * self._wide + column, self._outside)
 
     def depth_below_print(self, cell: Int, z: Float) -> Float:
-        """Return the depth (P,) of the nozzle at z below the print in its cell, mm; negative if above."""
+        """Return how far (P,), mm, heights z are below the top of the print in cells; negative above."""
         return np.asarray(self._top[cell] - z)
 
     def max_depth_below_print_around(self, cell: Int, z: Float) -> Float:
-        """Return the largest depth (P,) below the print in the cell and its eight neighbours, mm."""
+        """Return how far (P,), mm, heights z are below the highest top of the print in 3 by 3 cells."""
         around = [row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)]
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
         return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
 
     def is_supported(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
-        """Return a mask (P,) of pieces with print up to height `lowest` in their cell or a neighbouring one.
+        """Return a mask (P,) of pieces that have print up to height `lowest` in their or a neighbouring cell.
 
         Args:
             cell: (P,) cell of each piece.
@@ -185,7 +186,7 @@ class HeightMap:
         self.highest = max(self.highest, float(pieces.z.max()))
 
     def plate_heights(self, max_cells: int = 1600) -> PlateHeights:
-        """Return the heights of the printed area, merged to at most `max_cells` cells per side."""
+        """Return the heights of the printed area, with cells merged to at most `max_cells` per side."""
         top = self._top[: self._outside].reshape(self._deep, self._wide)
         rows, columns = (np.flatnonzero((top > 0).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
@@ -202,7 +203,7 @@ class HeightMap:
         )
 
     def find_pieces_near_seeds(self, cell: Int, seeds: Bool, reach: float) -> Bool:
-        """Return a mask (P,) of pieces within `reach` mm of a seed piece, measured along cells with pieces."""
+        """Return a mask (P,) of pieces up to `reach` mm from a seed piece, along cells with pieces."""
         rows, columns = np.divmod(cell, self._wide)
         top, left = rows.min() - 3, columns.min() - 3
         shape = (int(rows.max() - top) + 4, int(columns.max() - left) + 4)
@@ -221,12 +222,12 @@ class HeightMap:
         return np.asarray(reached.reshape(-1)[place])
 
     def _reaches_up_to(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
-        """Return a mask (P,) of cells in which the print reaches up to `lowest`, mm."""
+        """Return a mask (P,) of cells in which the top of the print is at least at `lowest`, mm."""
         return np.asarray(self._top[cell] + support_gap * self._removable[cell] >= lowest - 1e-4)
 
 
 def _grow_mask(mask: Bool, cells: int) -> Bool:
-    """Return a mask grown by a number of cells to all sides."""
+    """Return a mask of cells, grown by a number of cells to all sides."""
     for _ in range(cells):
         mask = mask.copy()
         mask[1:] |= mask[:-1]
@@ -244,11 +245,11 @@ NEGLIGIBLE: Final = 1e-9
 
 _COLUMNS: Final = ("command", "start", "end", "volume", "xy_length", "extrudes", "role")
 _MAX_FLATTENING: Final = 3.0  # diameter of the strand divided by the height of the flattest extrusion
-_SAME_HEIGHT: Final = 0.02  # mm; heights that differ by less are checked together
+_SAME_HEIGHT: Final = 0.02  # mm; moves at heights that differ by less are checked together
 
 
 class LevelMoves(Struct, frozen=True, eq=False):
-    """Moves at one height, with a mask of those that extrude.
+    """Moves at one height, and which of them extrude.
 
     Attributes:
         command: (n,) command of each move, counted from 1.
@@ -279,7 +280,7 @@ class LevelMoves(Struct, frozen=True, eq=False):
         return np.stack([-way[:, 1], way[:, 0]], axis=1)
 
     def width(self, clearance: Float) -> Float:
-        """Return the width (n,) of each extrusion as the spacing of neighbours, mm.
+        """Return the width (n,) of each extrusion, mm, as the spacing at which neighbours fill a layer.
 
         Args:
             clearance: (m,) mm, distance down to the print or the bed at some points of the extrusions.
@@ -304,7 +305,7 @@ class LevelMoves(Struct, frozen=True, eq=False):
 
 
 class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
-    """Moves of one height as a printer executed them.
+    """Executed moves at one height, with filament, duration and flow.
 
     Attributes:
         fed: (n,) mm of filament fed.
@@ -318,7 +319,7 @@ class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
 
     @classmethod
     def from_rows(cls, rows: Float, seconds: Float, new_volume: Float, marks: Marks) -> MoveBatch:
-        """Make a batch from rows of executed moves, see `sim.move_log`."""
+        """Make a batch of moves at one height from rows of executed moves, see `sim.move_log`."""
         command = rows[:, COMMAND].astype(np.int64)
         start, end = rows[:, START], rows[:, END]
         xy_length = np.hypot(*(end - start)[:, :2].T)
@@ -344,13 +345,13 @@ class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
         return (self.fed > NEGLIGIBLE) & ~self.extrudes
 
     def make_defect(self, kind: str, index: int, layers: Int, amount: float) -> Defect:
-        """Return a defect of this kind at the end of a move."""
+        """Return a defect of this kind, located at the end of the move with this index."""
         x, y, z = self.end[index].tolist()
         return Defect(kind, int(self.command[index]), int(layers[index]), z, x, y, amount)
 
 
 def find_height_changes(indices: Int, z: Float, previous: float) -> tuple[list[int], list[float]]:
-    """Return the indices at which the extrusion height changes from the previous one, and the new heights."""
+    """Return the indices at which the height of extrusion changes, and the new heights."""
     firsts, heights = [], []
     changes = np.flatnonzero(np.diff(z, prepend=np.nan) != 0)
     for index, height in zip(indices[changes].tolist(), z[changes].tolist(), strict=True):

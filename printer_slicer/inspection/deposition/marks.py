@@ -1,4 +1,4 @@
-"""Layers, roles and tools of the commands of a job, from its comments; defects of its extrusion."""
+"""Layers, roles and tools of a job's commands, read from comments; and defects of its extrusion."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["NOT_PART", "Defect", "Marks", "Purpose", "marks_of", "purpose_of", "
 
 
 class Purpose(IntEnum):
-    """Role of an extrusion in the comments of any slicer; `label` is its name in `;TYPE:` comments."""
+    """Role of an extrusion, read from the comments of any slicer; `label` is its `;TYPE:` name."""
 
     UNKNOWN = 0
     EXTERNAL_PERIMETER = 1
@@ -36,7 +36,7 @@ class Purpose(IntEnum):
 
     @property
     def label(self) -> str:
-        """Name for users: that of PrusaSlicer's `;TYPE:` comment."""
+        """Name of the role for users, which PrusaSlicer writes in `;TYPE:` comments."""
         return _LABELS.get(self, self.name.capitalize().replace("_", " "))
 
 
@@ -78,7 +78,7 @@ _ROLE_NAMES: Final = (
 
 
 def purpose_of(name: str) -> Purpose:
-    """Return the purpose that a role name of any slicer stands for."""
+    """Return the purpose that a slicer means by this role name."""
     plain = re.sub(r"[\W_]+", " ", name.lower()).strip()
     return next((purpose for begin, purpose in _ROLE_NAMES if plain.startswith(begin)), Purpose.UNKNOWN)
 
@@ -95,7 +95,7 @@ _SELECTS_OTHER_TOOL: Final = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?[Tt]0*[1-9]", r
 
 
 class Defect(NamedTuple):
-    """A defect of the extrusion.
+    """A defect of the extrusion: its kind, command, position and amount.
 
     Attributes:
         kind: "unsupported", "crash", "bed" or "flow".
@@ -117,7 +117,7 @@ class Defect(NamedTuple):
 
 
 class Marks(Struct, frozen=True, eq=False):
-    """Layers, roles and tools of the commands of a job, from its comments; commands are counted from 1.
+    """Layers, roles and tools of a job's commands, read from comments; commands are counted from 1.
 
     Attributes:
         layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
@@ -143,7 +143,7 @@ class Marks(Struct, frozen=True, eq=False):
         return len(self.roles) > 0
 
     def role_at(self, command: Int) -> Int:
-        """Return the index into `labels` (n,) of the role of each command."""
+        """Return the role of each command, as an index (n,) into `labels`."""
         at = np.searchsorted(self.roles, command, side="right")
         return np.append(0, self.names)[at]
 
@@ -159,7 +159,7 @@ class Marks(Struct, frozen=True, eq=False):
 def marks_of(
     commands: Sequence[bytes], text: bytes, layers_at: Mapping[int, int], roles_at: Mapping[int, str]
 ) -> Marks:
-    """Collect the layers, roles and tools of a job from its comments.
+    """Collect the layers, roles and tools of a job's commands from its comments.
 
     Args:
         commands: of the job.

@@ -1,4 +1,4 @@
-"""Results of recording the extrusion of a print: layers, times, volumes, defects."""
+"""The recorded extrusion of a print: layers, times, volumes and defects."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class LayerDeposition(Struct):
 
 
 class MissingExtrusion(NamedTuple):
-    """A part of the print in which the nozzle climbs layer by layer, or filament is fed, but nothing is extruded.
+    """A range of commands in which the nozzle climbs by layers, or filament is fed, without extrusion.
 
     Attributes:
         command, last: the first and the last command.
@@ -80,7 +80,7 @@ class MissingExtrusion(NamedTuple):
     mishaps="defects", laid="first_extrusion", lost="first_missing", drought="missing_extrusion"
 )
 class Deposition(Struct, frozen=True, eq=False):
-    """The recorded extrusion of a whole print; times in s.
+    """The recorded extrusion of a whole print; all times are in s.
 
     Attributes:
         layers: in the order in which they were started.
@@ -118,7 +118,7 @@ class Deposition(Struct, frozen=True, eq=False):
     timeline: Timeline
 
     def __eq__(self, other: object) -> bool:
-        """Compare all but the arrays that only pictures show."""
+        """Compare all attributes except the arrays that are only for pictures."""
         names = [name for name in self.__struct_fields__ if name not in {"plate", "timeline"}]
         return isinstance(other, Deposition) and all(
             getattr(self, one) == getattr(other, one) for one in names

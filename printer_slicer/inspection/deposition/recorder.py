@@ -1,4 +1,4 @@
-"""Record the extrusion of a print while it is executed; memory does not grow with the job.
+"""Record the extrusion of a print while it is executed, in memory that does not grow with the job.
 
 Moves arrive in chunks. Extrusions of one height are checked together, see `defects`.
 """
@@ -28,7 +28,7 @@ from printer_slicer.inspection.deposition.underextrusion import MissingExtrusion
 
 __all__ = ["DepositionRecorder"]
 
-_MAX_WAITING: Final = 65_536  # moves that are queued before they are checked
+_MAX_WAITING: Final = 65_536  # number of moves that are queued before they are checked
 _MAX_LAYERS: Final = 20_000
 
 _MEDIAN_SHARE, _THICK_SHARE = 0.5, 0.05
@@ -73,7 +73,7 @@ class DepositionRecorder:
         self._timeline = TimelineRecorder()
 
     def add_moves(self, rows: Float, seconds: Float, clogged_share: float = 0.0) -> None:
-        """Add moves.
+        """Add executed moves to the record.
 
         Args:
             rows: (n, 9) rows of `sim.move_log`.
@@ -97,16 +97,16 @@ class DepositionRecorder:
         self._split_by_height(rows, seconds, (new_volume, extrudes))
 
     def _split_by_height(self, rows: Float, seconds: Float, volumes: tuple[Float, Bool]) -> None:
-        """Split moves into batches of one height; `volumes` are new mm³, and a mask of moves that extrude."""
+        """Split moves into batches of one height; `volumes` are new mm³ and a mask of extruding moves."""
         new_volume, extrudes = volumes
         z = rows[:, 6]
         # Split where extrusion continues at another height, or the nozzle sinks below the last extrusion.
         heights = np.where(extrudes, z, np.nan)
-        below = np.minimum(z, rows[:, 3]) < _last_known(heights, self._extruded_z) - COLLISION_DEPTH
+        below = np.minimum(z, rows[:, 3]) < _last_known_before(heights, self._extruded_z) - COLLISION_DEPTH
         sinks = below & ~np.append(self._is_below, below[:-1])
         self._is_below, self._extruded_z = (
             bool(below[-1]),
-            float(_last_known(np.append(heights, 0.0), self._extruded_z)[-1]),
+            float(_last_known_before(np.append(heights, 0.0), self._extruded_z)[-1]),
         )
         indices = np.flatnonzero(extrudes | sinks)
         begin = 0
@@ -118,7 +118,7 @@ class DepositionRecorder:
         self._queue_moves(rows[begin:], seconds[begin:], new_volume[begin:])
 
     def close(self) -> Deposition:
-        """Finish, and return the results."""
+        """Finish the record, and return the recorded extrusion."""
         self._check_queue()
         names = self._marks.labels
         return Deposition(
@@ -141,7 +141,7 @@ class DepositionRecorder:
         )
 
     def _new_filament(self, rows: Float) -> Float:
-        """Return the new filament (n,) that each move feeds, mm; each tool has its own filament."""
+        """Return the new filament (n,), mm, that each move feeds; each tool has its own filament."""
         if not len(self._marks.tools):
             return self._new_filament_of_tool(rows[:, FED], 0)
         tool = self._marks.tool_at(rows[:, COMMAND].astype(np.int64))
@@ -151,7 +151,7 @@ class DepositionRecorder:
         return result
 
     def _new_filament_of_tool(self, fed: Float, tool: int) -> Float:
-        """Return the filament (n,) of one tool fed beyond its maximum so far, mm; the rest undoes retraction."""
+        """Return the filament (n,), mm, that a tool feeds beyond its maximum; the rest is deretraction."""
         before, reached = self._fed_by_tool.get(tool, (0.0, 0.0))
         total = np.round(before + np.cumsum(fed), 7)
         peak = np.maximum.accumulate(np.maximum(total, reached))
@@ -160,7 +160,7 @@ class DepositionRecorder:
         return np.asarray(np.diff(peak, prepend=reached))
 
     def _queue_moves(self, rows: Float, seconds: Float, new_volume: Float) -> None:
-        """Queue moves until all moves of their height have arrived."""
+        """Queue moves of one height, and check them if the queue is full."""
         if len(rows):
             self._queue.append((rows, seconds, new_volume))
             self._n_queued += len(rows)
@@ -168,7 +168,7 @@ class DepositionRecorder:
                 self._check_queue()
 
     def _check_queue(self) -> None:
-        """Check the queued moves."""
+        """Check the queued moves for defects, and empty the queue."""
         if not self._queue:
             return
         rows, seconds, new_volume = (np.concatenate(parts) for parts in zip(*self._queue, strict=True))
@@ -234,22 +234,22 @@ class DepositionRecorder:
 
 
 def _exceeded_values(values: Float, weights: Float, shares: tuple[float, ...]) -> list[float]:
-    """Return the values that the given shares of the total weight exceed."""
+    """Return, for each share, the value that this share of the total weight exceeds."""
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     places = np.searchsorted(total, (1.0 - np.array(shares)) * total[-1])
     return list(values[order][np.minimum(places, len(values) - 1)].tolist())
 
 
-def _last_known(values: Float, before: float) -> Float:
-    """Return the last known value (n,) before each value; nan is unknown."""
+def _last_known_before(values: Float, before: float) -> Float:
+    """Return, for each value, the last known value (n,) before it; nan means unknown."""
     values = np.append(before, values[:-1])
     known = np.maximum.accumulate(np.where(np.isnan(values), 0, np.arange(len(values))))
     return np.asarray(values[known])
 
 
 def _median_speed(bins: Float) -> float:
-    """Return the median speed of lengths by speed range, mm/s; 0 if there are none."""
+    """Return the median speed, mm/s, from the length in each speed range; 0 without any length."""
     total = np.cumsum(bins)
     return (
         float(np.append(_SPEED_BINS, _SPEED_BINS[-1])[np.searchsorted(total, total[-1] / 2)])

@@ -1,4 +1,4 @@
-"""Record the speed of the nozzle over the time in motion; memory does not grow with the job."""
+"""Record the speed of the nozzle over the time in motion, in memory that does not grow with the job."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FIRST_STEP: Final = 0.25  # s
 
 
 class Timeline(Struct, frozen=True, eq=False):
-    """Mean speed over the time in motion, in equal steps.
+    """Mean speed of the nozzle in each of many equal steps of the time in motion.
 
     Attributes:
         step: s, duration of a step.
@@ -41,7 +41,7 @@ class Timeline(Struct, frozen=True, eq=False):
 
 
 class TimelineRecorder:
-    """Adds up the distance of moves by steps of time; steps double in length when there are too many."""
+    """Adds up the distance moved in each time step; when there are too many steps, their length doubles."""
 
     def __init__(self) -> None:
         self._step = _FIRST_STEP

@@ -1,4 +1,4 @@
-"""Find missing extrusion: the nozzle climbs from layer to layer, or filament is fed, but nothing comes out."""
+"""Find missing extrusion: the nozzle climbs by layers, or filament is fed, but no material comes out."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from printer_slicer.inspection.deposition.record import MissingExtrusion
 __all__ = ["MissingExtrusionFinder"]
 
 _MAX_LAYER_HEIGHT: Final = 1.0  # mm
-_MIN_CLIMBS: Final = 3  # consecutive layers; moves between layers or after the print do not climb like this
+_MIN_CLIMBS: Final = 3  # consecutive layers; only a print climbs like this
 _MIN_LENGTH: Final = 20.0  # mm moved at each height
-# mm moved while filament is fed in vain: no retraction is undone over such a distance
+# mm moved while filament is fed without extruding; a deretraction takes less
 _MAX_IN_VAIN: Final = 100.0
-_MIN_TRAVELS: Final = 20  # consecutive moves; most travel has fewer
+_MIN_TRAVELS: Final = 20  # consecutive moves; most travels have fewer
 
 
 class MissingExtrusionFinder:
-    """Finds the first range of moves with missing extrusion, batch by batch.
+    """Finds the first range of moves with missing extrusion; moves are added in batches.
 
     Attributes:
         first: the first range; None if there is none so far.
@@ -30,16 +30,16 @@ class MissingExtrusionFinder:
     def __init__(self) -> None:
         self.first: MissingExtrusion | None = None
         self._has_extruded = False
-        self._current: MissingExtrusion | None = None  # the range without extrusion that is being followed
+        self._current: MissingExtrusion | None = None  # the range without extrusion that may still grow
         self._climbs, self._since_climb = 0, 0.0
 
     def add_moves(self, rows: Float, extrudes: Bool) -> None:
-        """Add moves, as rows of `sim.move_log`, with a mask of those that extrude."""
+        """Add executed moves, as rows of `sim.move_log`, with a mask of those that extrude."""
         if self.first is not None and (self._current is None or self.first.command != self._current.command):
             return  # the first range has ended
         edges = np.concatenate([[-1], np.flatnonzero(extrudes), [len(rows)]])
         is_checked = np.diff(edges) > _MIN_TRAVELS
-        is_checked[[0, -1]] = True  # these may begin in the batch before, or continue in the next
+        is_checked[[0, -1]] = True  # such ranges may extend into adjacent batches
         for gap in np.flatnonzero(is_checked).tolist():
             if gap:
                 self._has_extruded, self._current, self._climbs = True, None, 0
@@ -78,7 +78,7 @@ class MissingExtrusionFinder:
             self.first = self._current
 
     def _find_climb(self, rows: Float, moved: Float) -> tuple[int, float]:
-        """Return the command that proves a climb without extrusion, or 0, and the height reached, mm.
+        """Return the command, or 0, that proves a climb without extrusion, and the height reached, mm.
 
         Args:
             rows: moves.

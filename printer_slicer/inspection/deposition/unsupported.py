@@ -39,19 +39,19 @@ __all__ = [
 ]
 
 MIN_REPORTED_LENGTH: Final = 3.0
-"""Length, mm, of unsupported or colliding extrusion at one height from which it is reported."""
+"""Minimum length, mm, of unsupported or colliding extrusion at one height that is reported."""
 
-_MAX_SAG: Final = 1.15  # strand diameters down to the print that supports it
+_MAX_SAG: Final = 1.15  # strand diameters; the print supports extrusion at most this far above it
 _SUPPORT_GAP: Final = 0.32  # mm, gap that slicers leave between supports and the part
 _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as supported
 _Box = tuple[tuple[float, float], tuple[float, float]]
-_MIN_STRAIGHTNESS: Final = 0.95  # chord divided by length of a bridge, at least
+_MIN_STRAIGHTNESS: Final = 0.95  # minimum ratio of a bridge's chord to its length
 
 
 def find_unsupported_pieces(
     height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
 ) -> Int:
-    """Return the unsupported pieces of the extrusions of one height.
+    """Return the indices of the unsupported pieces among the extrusions of one height.
 
     Args:
         height_map: height map of everything printed before.
@@ -80,7 +80,7 @@ def find_unsupported_pieces(
 def add_to_height_map(
     height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
 ) -> None:
-    """Add extrusions to the height map at their full width; arguments as for `find_unsupported_pieces`."""
+    """Add extrusions to the height map with their full width; arguments as for `find_unsupported_pieces`."""
     width = moves.width(-height_map.depth_below_print(cell, pieces.z))
     removable = np.isin(moves.role, [*marks.removable])[pieces.move]
     for is_removable in (True, False):
@@ -90,7 +90,7 @@ def add_to_height_map(
 
 
 def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> Bool:
-    """Return a mask (P,) of pieces that bridge a gap in a straight line supported at both ends."""
+    """Return a mask (P,) of pieces in bridges: straight lines over a gap, supported at both ends."""
     broken = (np.diff(pieces.move) > 0) & (
         np.hypot(*(moves.start[pieces.move[1:]] - moves.end[pieces.move[:-1]])[:, :2].T) > NEGLIGIBLE
     )
@@ -114,7 +114,7 @@ def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> 
 
 
 class UnsupportedExtrusion(NamedTuple):
-    """Unsupported extrusion at one height.
+    """The unsupported extrusion at one height.
 
     Attributes:
         command: the first command that extrudes it, counted from 1.
@@ -148,7 +148,7 @@ class UnsupportedTracker:
         self._found: list[UnsupportedExtrusion] = []
 
     def add_moves(self, command: Int, start: Float, end: Float, new_filament: Float) -> None:
-        """Add moves.
+        """Add moves in printing order.
 
         Args:
             command: (n,) command of each move, counted from 1, ascending.

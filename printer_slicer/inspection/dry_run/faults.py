@@ -73,9 +73,7 @@ _VIOLATION_RULES: Final[Mapping[str, _ViolationRule]] = {
     "unknown command": _ViolationRule(
         "unknown", "The printer ignores it. Check that the file was sliced for this firmware"
     ),
-    "hotend target": _ViolationRule(
-        "temperature", "Choose a temperature within the limits of the printer"
-    ),
+    "hotend target": _ViolationRule("temperature", "Choose a temperature within the limits of the printer"),
     "bed target": _ViolationRule("temperature", "Choose a temperature within the limits of the printer"),
     "no such extruder": _ViolationRule("tool", "Slice for one extruder, or set `extruders`"),
     "move that cannot be parsed": _ViolationRule(

@@ -96,7 +96,9 @@ class MoveChecker:
                 commands[index].decode("latin-1"),
                 "It will fall down: rotate the part or add supports",
             )
-            yield Diagnostic("unsupported", "error", describe_unsupported(found), reason, index=index, command=command)
+            yield Diagnostic(
+                "unsupported", "error", describe_unsupported(found), reason, index=index, command=command
+            )
 
     def _record(self, moves: Moves, result: _CheckResult) -> None:
         """Record the first failing move, the number of failing commands, and the largest amount."""
