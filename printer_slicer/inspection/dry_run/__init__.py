@@ -1,1 +1,1 @@
-"""Print a job on the simulated printer under an invented clock, and judge the result."""
+"""Print a job on the simulated printer in simulated time, and judge the result."""

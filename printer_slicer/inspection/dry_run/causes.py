@@ -1,4 +1,4 @@
-"""Find the causes of faults, so that consequences of one fault are not reported as further faults."""
+"""Find which faults cause other faults, so that these consequences are not reported as well."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ _CONSEQUENCES: Final[Mapping[str, frozenset[str]]] = {
 }
 """Kind of fault -> kinds of faults that may follow from it."""
 
-_ALL_LAYERS: Final = 1 << 30  # for faults that affect all later layers
-_LAYERS_AFTER: Final = 1  # layers after the last one with a fault, in which a consequence is possible
+_ALL_LAYERS: Final = 1 << 30  # last layer of a fault that affects all later layers
+_LAYERS_AFTER: Final = 1  # layers after a fault in which consequences are possible
 
 
 class Cause(Struct):
@@ -47,7 +47,7 @@ class Cause(Struct):
     last: int
 
     def explains(self, kind: str, command: int, layer: int) -> bool:
-        """Return whether a fault follows from this cause; if so, more may follow in the next layer."""
+        """Return whether a fault follows from this cause; if so, more may follow in the layer after it."""
         is_consequence = kind in _CONSEQUENCES[self.kind] and command >= self.command and layer <= self.last
         if is_consequence:
             self.last = max(self.last, layer + _LAYERS_AFTER)
@@ -55,10 +55,10 @@ class Cause(Struct):
 
 
 def find_causes(job: Job, report: Report, comparison: Comparison, deposition: Deposition) -> list[Cause]:
-    """Return the commands that the firmware rejected or clipped, as causes by layer."""
+    """Return a cause for each layer and kind of command that the firmware rejected or clipped."""
     inches = bool(report.violations) and uses_inches(job.commands)
     found: dict[tuple[str, int], Cause] = {}
-    # Violations beyond the end of the list may be in any layer.
+    # Violations that the list is too short for may be in any layer.
     is_truncated = len(report.violations) < report.n_violations
     for violation in report.violations:
         kind = code_of_violation(violation.text)
@@ -79,7 +79,7 @@ def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[De
         remaining.append(one)
         if one.kind in {"bed", "crash"}:
             causes.append(Cause(one.kind, one.command - 1, one.layer + _LAYERS_AFTER))
-    # With absolute E, the first extrusion after missing lines gets all the filament of these lines.
+    # With absolute E, the first extrusion after missing lines gets all the filament of the missing lines.
     unsupported_layers = {
         one.layer - layers_back for one in remaining if one.kind == "unsupported" for layers_back in (0, 1)
     }
@@ -87,10 +87,10 @@ def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[De
 
 
 def is_explained(causes: Iterable[Cause], kind: str, command: int, layer: int) -> bool:
-    """Return whether a fault follows from any of the causes, and update those causes."""
+    """Return whether a fault follows from any cause; update the causes from which it follows."""
     return sum(cause.explains(kind, command, layer) for cause in causes) > 0
 
 
 def layer_of(deposition: Deposition, command: int) -> int:
-    """Return the layer of a command, as the recorder counts them; 0 before the first layer."""
+    """Return the layer of a command, with the recorder's layer numbers; 0 before the first layer."""
     return max((one.number for one in deposition.layers if one.first <= command + 1), default=0)

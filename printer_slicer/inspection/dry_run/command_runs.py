@@ -1,4 +1,4 @@
-"""Compute the combined effect of thousands of simple commands: moves, and settings for the moves after them.
+"""Compute the combined effect of thousands of consecutive simple commands: moves, and settings of moves.
 
 A run of such commands ends before the first command that waits, queries, homes, is an arc or unknown, leaves the
 machine, extrudes cold or too far, or changes limits other than accelerations. The simulated firmware executes such
@@ -33,7 +33,7 @@ _OK_SIZE: Final = len("ok\n")
 
 
 class Chunk:
-    """Consecutive commands of a job, parsed.
+    """Consecutive commands of a job, which are parsed together.
 
     Args:
         commands: the commands, without comments.
@@ -57,29 +57,29 @@ class Chunk:
         return len(self.commands)
 
     def next_single_command(self, begin: int) -> int:
-        """Return the index of the first command from `begin` on that must be executed singly; or the length."""
+        """Return the index, at least `begin`, of the next command to execute singly; else the length."""
         at = bisect_left(self._breaks, begin)
         return self._breaks[at] if at < len(self._breaks) else len(self.commands)
 
     def non_moves_between(self, begin: int, end: int) -> list[tuple[int, str, str]]:
-        """Return the index, kind and text of each command in a range that is not a plain move."""
+        """Return index, kind and text of each command in a range, except plain moves."""
         first, last = bisect_left(self.others, begin), bisect_left(self.others, end)
         return [(self.others[at], self.kinds[at], self.texts[self.others[at]]) for at in range(first, last)]
 
 
 def _is_accepted_target(kind: str, target: float, start: BatchStart) -> bool:
-    """Return whether the firmware accepts a target temperature unchanged and can extrude at it."""
+    """Return whether the firmware accepts a target temperature unchanged and extrudes at this temperature."""
     low, high = start.bed_targets if kind == "M140" else start.targets
     return low <= target <= high
 
 
 def _classify_command(text: str) -> str:
-    """Return the code of a simple command that neither moves nor waits; empty for all other commands."""
+    """Return the code of a simple command that neither moves nor waits; empty for every other command."""
     code = text.partition(" ")[0]
     if code in _CODES_WITHOUT_EFFECT or code == _ACCELERATION_CODE:
         return code
     if code in _TIMED_CODES:
-        # Only the plainest forms; the firmware interprets all others, such as the heater that T selects.
+        # Only the plainest forms are simple; the firmware executes others, such as a T that selects a heater.
         return code if code == "M107" or list(Command(text).words) == ["S"] else ""
     if code == _SET_E_CODE:
         words = Command(text).words
@@ -88,7 +88,7 @@ def _classify_command(text: str) -> str:
 
 
 class CommandRun(Struct, frozen=True, eq=False):
-    """The effect of consecutive commands on a printer in a given state.
+    """The combined effect of consecutive simple commands on a printer.
 
     Attributes:
         begin: index of the first command in its chunk.
@@ -117,7 +117,7 @@ class CommandRun(Struct, frozen=True, eq=False):
 
     @classmethod
     def read(cls, chunk: Chunk, begin: int, start: BatchStart) -> CommandRun | None:
-        """Read the run that starts at a command; return None if that command must be executed singly."""
+        """Return the run of simple commands that starts at `begin`; None if that command is not simple."""
         end = chunk.next_single_command(begin)
         others = chunk.non_moves_between(begin, end)
         for place, kind, text in others:
@@ -153,7 +153,7 @@ class CommandRun(Struct, frozen=True, eq=False):
         )
 
     def make_line_batch(self, chunk: Chunk, limits: MotionLimits) -> LineBatch:
-        """Return these commands as a load of the link and of the planner."""
+        """Return how much these commands load the link and the planner."""
         selected = slice(self.begin, self.begin + len(self))
         moving, length = find_nonzero_moves(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
@@ -165,7 +165,7 @@ _OtherCommands = list[tuple[int, str, str]]
 
 
 def _trace_moves(words: Float, start: BatchStart, others: _OtherCommands) -> tuple[Float, Float]:
-    """Return the positions and displacements (n, 4) of commands, from the current position of the printer."""
+    """Return the position after each command and its displacement, (n, 4); the printer is at `start`."""
     unit, offset = start.unit, start.offset
     position, delta = np.zeros((len(words), 4)), np.zeros((len(words), 4))
     for axis in range(3):
@@ -194,7 +194,7 @@ def _trace_moves(words: Float, start: BatchStart, others: _OtherCommands) -> tup
 
 
 def _find_unchanged_commands(position: Float, delta: Float, is_plain: Bool, start: BatchStart) -> Bool:
-    """Return a mask (n,) of commands that the firmware executes unchanged."""
+    """Return a mask (n,) of commands that the firmware neither rejects nor clips."""
     low, high = np.array(start.low), np.array(start.high)
     unchanged = ((position[:, :3] >= low) & (position[:, :3] <= high)).all(axis=1) | ~is_plain
     if not start.moves:
@@ -206,7 +206,7 @@ def _find_unchanged_commands(position: Float, delta: Float, is_plain: Bool, star
 
 
 def _acceleration_limits(start: BatchStart, others: _OtherCommands) -> list[tuple[int, MotionLimits]]:
-    """Return the index of each command that changes accelerations, and the limits after it."""
+    """Return the index of each command that changes accelerations, and the motion limits after it."""
     changing = [(place, text) for place, kind, text in others if kind == _ACCELERATION_CODE]
     limits = start.limits_after_commands([text for _, text in changing])
     return [(place, after) for (place, _), after in zip(changing, limits, strict=True)]
@@ -233,7 +233,7 @@ def _requested_accelerations(
 
 
 def _reply_sizes(position: Float, start: BatchStart, others: _OtherCommands) -> Int:
-    """Return the number of bytes (n,) of each reply; after G92 it has step counts at the end of the planned motion."""
+    """Return the number of bytes (n,) in the reply to each command; the reply to G92 reports a position."""
     reply_size = np.full(len(position), _OK_SIZE)
     for place, kind, _ in others:
         if kind == _SET_E_CODE:
@@ -250,5 +250,5 @@ def _fill_forward(values: Float, before: float) -> Float:
 
 
 def limits_after_count(command_run: CommandRun, count: int, before: MotionLimits) -> MotionLimits:
-    """Return the limits after the first `count` commands of a run."""
+    """Return the motion limits after the first `count` commands of a run."""
     return next((after for place, after in reversed(command_run.limits) if place < count), before)

@@ -14,13 +14,13 @@ from printer_slicer.arrays import Int
 
 __all__ = ["MAX_LISTED", "Comparison"]
 
-# Commands that our host sends by itself.
+# Commands that our host sends in addition to the job.
 _HOST_QUERIES: Final = (b"M105", b"M110", b"M114", b"M115", b"M155", b"M400")
-# Commands that other hosts send by themselves.
+# Commands that other hosts send in addition to the job.
 _OTHER_HOSTS_QUERIES: Final = (b"M20", b"M21", b"M27", b"M113")
-_SEARCH_WINDOW: Final = 16  # commands after the next one in which the comparison looks for a match
+_SEARCH_WINDOW: Final = 16  # number of commands in which the comparison searches for a match
 MAX_LISTED: Final = 20
-"""Number of differences that are listed."""
+"""Maximum number of listed differences."""
 
 
 class Comparison:
@@ -47,20 +47,20 @@ class Comparison:
         # commands before and after the run. The first run is empty and ends before the first command.
         self._begins, self._ends = array("q", [0]), array("q", [1])
         self._before, self._after = array("q", [-1]), array("q", [0])
-        self._last_unexpected = (0, b"")  # number and text
-        self._unexpected_in_row = 0  # since the last command of the job
+        self._last_unexpected = (0, b"")  # its number and text
+        self._unexpected_in_row = 0  # number of unexpected commands since the last command of the job
         self.executed = self.due = self.n_unexpected = 0
         self.unexpected: list[tuple[int, str]] = []
         self.skipped: list[int] = []
 
     def __call__(self, text: str) -> None:
-        """Compare one more executed command."""
+        """Compare the next executed command with the job."""
         self._n_started += 1
         command = text.encode("latin-1")
         if self.due < len(self._commands) and command == self._commands[self.due]:
             self._count_executed(command)
         elif not self._commands:
-            # Without a job, all commands count except those of the host.
+            # Without a job, every command counts, except commands that the host adds.
             if not command.startswith(_HOST_QUERIES):
                 self._count_executed(command)
         elif command.startswith(_HOST_QUERIES + _OTHER_HOSTS_QUERIES):
@@ -74,14 +74,14 @@ class Comparison:
                 self.unexpected.append((self.due, text))
 
     def add_batch(self, commands: Sequence[bytes]) -> None:
-        """Count commands of the job that were executed in order, without queries of the host between them."""
+        """Count commands of the job that were executed in order, without queries between them."""
         self._n_started += len(commands)
         self.executed += len(commands)
         self.due += len(commands)
         self._hash.update(b"\n".join(commands) + b"\n")
 
     def is_job_command(self, executed: int) -> bool:
-        """Return whether the command executed as number `executed`, counted from 1, belongs to the job."""
+        """Return whether the executed command with number `executed`, counted from 1, belongs to the job."""
         return executed >= self._ends[bisect_right(self._begins, executed) - 1]
 
     def commands_of(self, executed: Int) -> Int:
@@ -93,7 +93,7 @@ class Comparison:
         )
 
     def command_of(self, executed: int) -> int:
-        """Return the index in the job of the command executed as number `executed`, counted from 1.
+        """Return the job index of the executed command with number `executed`, counted from 1.
 
         For a command that does not belong to the job, return the index of the job command before it, or -1.
         """
@@ -112,7 +112,7 @@ class Comparison:
         self._hash.update(command + b"\n")
 
     def _record_unexpected(self) -> None:
-        """Record an executed command as unexpected; consecutive ones form one run."""
+        """Record an executed command as unexpected; consecutive unexpected commands form one run."""
         if self._ends[-1] != self._n_started:
             self._begins.append(self._n_started)
             self._ends.append(self._n_started)
@@ -121,7 +121,7 @@ class Comparison:
         self._ends[-1] = self._n_started + 1
 
     def _try_resync(self, command: bytes) -> bool:
-        """Try to find the command later in the job, and continue there; return whether it was found."""
+        """Search for a command later in the job, and continue there; return whether it was found."""
         ahead = self._commands[self.due : self.due + _SEARCH_WINDOW + 1]
         n_altered = self._unexpected_in_row
         if 0 < n_altered < len(ahead) and ahead[n_altered] == command and self._ends[-1] == self._n_started:
@@ -143,7 +143,7 @@ class Comparison:
         return True
 
     def _skip_commands(self, count: int) -> None:
-        """Record the next commands of the job as skipped; the job continues after them."""
+        """Record the next `count` commands of the job as skipped, and continue after them."""
         self.skipped += range(self.due, self.due + min(count, MAX_LISTED - len(self.skipped)))
         self.due += count
         self._after[-1] = self.due

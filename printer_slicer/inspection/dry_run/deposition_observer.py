@@ -1,4 +1,4 @@
-"""Record the extrusion of the moves that the simulated printer makes."""
+"""Record where the simulated printer extrudes while it executes a job."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["DepositionObserver"]
 
 
 class DepositionObserver:
-    """Records the extrusion of a simulated printer that executes a job.
+    """Records where a simulated printer extrudes while it executes a job.
 
     Args:
         job: the job.

@@ -38,26 +38,26 @@ from printer_slicer.stream.session import run
 __all__ = ["LONGEST_COMMAND", "LONGEST_PRINT", "EndlessPrintError", "FastRunner"]
 
 LONGEST_COMMAND: Final = 86400.0
-"""Longest duration of one command, s; anything longer never ends, or is a mistake in the file."""
+"""Maximum duration of one command, s; a longer command never ends, or is a mistake in the file."""
 
 LONGEST_PRINT: Final = 30 * LONGEST_COMMAND
-"""Longest duration of a print, s; anything longer is a mistake in the file."""
+"""Maximum duration of a print, s; a longer print is a mistake in the file."""
 
-_CHUNK_SIZE: Final = 8192  # commands that are parsed together
+_CHUNK_SIZE: Final = 8192  # number of commands that are parsed together
 _FINAL_COMMANDS: Final = (b"M400", b"M105", b"M114")
 _N_COLUMNS: Final = 9
 
 
 class _IdentifiedError(Exception):
-    """Raised to end the handshake when the host has identified the printer."""
+    """Ends the handshake: the host has identified the printer."""
 
 
 class EndlessPrintError(Exception):
-    """A command takes longer than a day, or the whole print longer than 30 days."""
+    """A command takes longer than a day, or the print takes longer than 30 days."""
 
 
 class FastRunner:
-    """Executes a job on a simulated printer.
+    """Executes a job on a simulated printer without sending bytes.
 
     Args:
         printer: the printer, just switched on.
@@ -85,11 +85,11 @@ class FastRunner:
 
     @property
     def now(self) -> float:
-        """Time at which the host received the last reply, s."""
+        """Time, s, at which the host received the last reply."""
         return self._link.answered[-1]
 
     def run_handshake(self, streamer: Streamer) -> list[Event]:
-        """Perform the handshake over the port, and return the events of the host."""
+        """Perform the handshake through the port, and return the events of the host."""
         received: list[Event] = []
 
         def record(events: Sequence[Event]) -> None:
@@ -123,7 +123,7 @@ class FastRunner:
         """
         reply = ""
         for command in _FINAL_COMMANDS:
-            # Each of these queries waits for all earlier replies.
+            # Each of these queries waits until all earlier replies have arrived.
             self._link.wait_for_all_answers()
             chunk = Chunk([command], self._number - HANDSHAKE_LINES)
             reply = self._execute_one(chunk, 0)
@@ -225,7 +225,7 @@ class FastRunner:
 def _log_rows(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, commands: int
 ) -> tuple[Float, dict[str, Any]]:
-    """Return the rows of the moves for `MoveLog`, and the arguments of `Batch` that describe their extrusion."""
+    """Return the rows of the moves for `MoveLog`, and the extrusion attributes of `Batch` as arguments."""
     moving = lines.moving[lines.moving < times.done]
     done = slice(0, len(moving))
     end, delta = command_run.position[moving], command_run.delta[moving]
@@ -254,7 +254,7 @@ def _log_rows(
 def _planned_motion_after(
     command_run: CommandRun, lines: LineBatch, times: BatchTimes, start: BatchStart
 ) -> PlannedMotion:
-    """Return the current move and the planned moves of the firmware after a batch."""
+    """Return the running move and the waiting moves of the firmware after a batch."""
     before, after, n_begun = start.planned, times.planner, len(times.begins)
     # End positions of the running block, of the waiting blocks and of the new ones; e is the filament fed.
     fed = start.filament + np.cumsum(command_run.delta[lines.moving, 3])

@@ -1,4 +1,4 @@
-"""Turn the records of a simulated print into diagnostics."""
+"""Report what went wrong in a simulated print as diagnostics."""
 
 from __future__ import annotations
 
@@ -32,28 +32,28 @@ __all__ = [
     "underrun_faults",
 ]
 
-_MIN_SPEED: Final = 2.0  # mm/s; no print is slower
-_MIN_LENGTH: Final = 50.0  # mm of extrusion that a file needs for a check of its speed
-_MAX_STANDSTILL: Final = 0.25  # s, total standstill that is tolerated
-_SAME_DURATION: Final = 1e-3  # s; of stops whose durations differ by less, the first is reported
+_MIN_SPEED: Final = 2.0  # mm/s; a slower print has wrong units of F
+_MIN_LENGTH: Final = 50.0  # mm of extrusion; the speed of a shorter print is not checked
+_MAX_STANDSTILL: Final = 0.25  # s; a shorter total of buffer underruns is tolerated
+_SAME_DURATION: Final = 1e-3  # s; if the longest stops differ by less, the first of them is reported
 
 _KNOWN_COMMANDS: Final = re.compile(
     r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"
     r"|M(?:\d|1\d|2[0-9]|3[0-4]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[1-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
     r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
 )
-"""Commands that at least one real firmware knows, even if the simulated firmware does not."""
+"""Commands that the simulated firmware may not know, but at least one real firmware does."""
 
 
 _TURN_OFF_MACRO: Final = "TURN_OFF_HEATERS"
-_MAX_START_COMMANDS: Final = 1000  # commands of the start G-code of a file without layer comments
+_MAX_START_COMMANDS: Final = 1000  # start G-code of a file without layer comments
 
 
 _INCHES_REMEDY: Final = "The file switches to inches (G20): check that its values are inches, not mm"
 
 
 class _ViolationRule(NamedTuple):
-    """How to report a violation of the simulated printer: code and remedy."""
+    """How to report a violation that the simulated printer has recorded: code and remedy."""
 
     code: str
     remedy: str
@@ -71,7 +71,7 @@ _VIOLATION_RULES: Final[Mapping[str, _ViolationRule]] = {
     _LIFT_BEFORE_HOMING: _ViolationRule("homing", "Home first, in case the nozzle is at the top"),
     "probed before homing": _ViolationRule("homing", "Put G28 before G29"),
     "unknown command": _ViolationRule(
-        "unknown", "The printer ignores it. Check that the file was sliced for this firmware"
+        "unknown", "The printer ignores this command. Check that the file was sliced for this firmware"
     ),
     "hotend target": _ViolationRule("temperature", "Choose a temperature within the limits of the printer"),
     "bed target": _ViolationRule("temperature", "Choose a temperature within the limits of the printer"),
@@ -95,7 +95,7 @@ def _severity(harmless: bool) -> Severity:
 
 
 class FaultLocator:
-    """Finds the line, layer and height of the commands of a job.
+    """Finds the line, layer and height of the command that caused a fault.
 
     Args:
         job: the job.
@@ -111,7 +111,7 @@ class FaultLocator:
         self._layers = [layer.number for layer in layers]
 
     def locate(self, faults: Iterable[tuple[int, Diagnostic]]) -> list[Diagnostic]:
-        """Add line, layer and height to faults, and sort them by command index (from 0; -1 without a command)."""
+        """Add line, layer and height to faults; sort them by command index, -1 without a command."""
         found = sorted(faults, key=lambda one: (one[0] < 0, one[0]))
         lines = find_lines(self._job.text, [max(command, 0) for command, _ in found])
         return [
@@ -131,7 +131,7 @@ class FaultLocator:
 
 
 def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterator[tuple[int, Diagnostic]]:
-    """Report what the firmware rejected or clipped; repetitions are counted."""
+    """Yield a diagnostic for each kind of violation that the printer recorded; count repetitions."""
     reported: set[str] = set()
     known = {(one.code, one.index): one for one in job.findings if one.is_error}
     inches = bool(report.violations) and uses_inches(job.commands)
@@ -144,7 +144,7 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
         if key in reported or not comparison.is_job_command(violation.line):
             continue
         if rule.code == "extrusion" and inches and "out of the machine" in reported:
-            continue  # both follow from wrong units
+            continue  # both may be caused by wrong units
         reported.add(key)
         same = sum(violation_kind(one.text) == kind and code in one.text for one in report.violations)
         times = same if rule.code == "unknown" else report.violation_counts.get(kind, 1)
@@ -158,7 +158,7 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
 
 
 def _use_lint_wording(fault: Diagnostic, finding: Diagnostic | None) -> Diagnostic:
-    """Return a fault in the words of the lint finding for the same command, so that one fault has one text."""
+    """Return a fault with the text of the lint finding for this command, so that both have one wording."""
     if finding is None or not fault.is_error:
         return fault
     times = max(fault.times, finding.times)
@@ -170,7 +170,7 @@ def _use_lint_wording(fault: Diagnostic, finding: Diagnostic | None) -> Diagnost
 def deposition_faults(
     profile: Profile, deposition: Deposition, defects: Sequence[Defect]
 ) -> Iterator[tuple[int, Diagnostic]]:
-    """Report the first defect of each kind, with the number of layers that have it.
+    """Yield a diagnostic for the first defect of each kind, with the number of affected layers.
 
     Args:
         profile: the profile with the material.
@@ -220,13 +220,13 @@ def deposition_faults(
 
 
 def _count_layers(deposition: Deposition, defects: Sequence[Defect]) -> int:
-    """Return the number of layers with this kind of defect, including defects that are not listed."""
+    """Return the number of layers with this kind of defect, including layers whose defects are not listed."""
     listed = sum(one.kind == defects[0].kind for one in deposition.defects)
     return deposition.counts[defects[0].kind] if len(defects) == listed else len(defects)
 
 
 def _flow_faults(profile: Profile, defects: Sequence[Defect]) -> Iterator[tuple[int, Diagnostic]]:
-    """Report flow above the maximum of the material."""
+    """Yield a diagnostic if the flow exceeds the maximum of the material."""
     if not defects:
         return
     maximum = profile.max_flow
@@ -254,7 +254,7 @@ def _flow_faults(profile: Profile, defects: Sequence[Defect]) -> Iterator[tuple[
 def heaters_left_on(
     job: Job, profile: Profile, targets: Mapping[str, float]
 ) -> Iterator[tuple[int, Diagnostic]]:
-    """Report heaters that are still on at the end, with the last command that set them.
+    """Yield a diagnostic for each heater that is on at the end, at the last command that set its target.
 
     An end macro of the printer may switch them off. Its contents are unknown, so with one this is only a warning.
 
@@ -288,7 +288,7 @@ def heaters_left_on(
 
 
 def _find_end_macro(job: Job, last: int) -> str:
-    """Return the name of the last end macro after a command; empty if there is none."""
+    """Return the name of the last end macro after the command with index `last`; empty without one."""
     for command in reversed(job.commands[last + 1 :]):
         if macro := match_end_macro(command.decode("latin-1")):
             return macro
@@ -296,7 +296,7 @@ def _find_end_macro(job: Job, last: int) -> str:
 
 
 def start_macro_note(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnostic]]:
-    """Report a start macro that is assumed to home and heat, because nothing before it homes.
+    """Yield a note if a start macro is assumed to home and heat, because no earlier command homes.
 
     Args:
         job: the executed job.
@@ -309,14 +309,14 @@ def start_macro_note(job: Job, profile: Profile) -> Iterator[tuple[int, Diagnost
             return
         if macro := match_start_macro(command.decode("latin-1")):
             what = f"the macro {macro} of the printer is assumed to home all axes and to heat"
-            yield index, Diagnostic("homing", "warning", what, remedy="Check that it does")
+            yield index, Diagnostic("homing", "warning", what, remedy="Check that the macro does this")
             return
 
 
 def underrun_faults(
     report: Report, comparison: Comparison, baud: int, *, baud_given: bool
 ) -> Iterator[tuple[int, Diagnostic]]:
-    """Report buffer underruns: the printer stands still on the part because lines arrive too late."""
+    """Yield a diagnostic if the printer stands still on the part because lines arrive too late."""
     if report.underrun_seconds <= _MAX_STANDSTILL:
         return
     longest = max(seconds for _, seconds in report.underrun_list)

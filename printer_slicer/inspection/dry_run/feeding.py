@@ -1,4 +1,4 @@
-"""Find wrong amounts of material, layer by layer: misread E values, clogs, missing extrusion."""
+"""Find layers with wrong amounts of material: misread E values, clogs and missing extrusion."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from printer_slicer.profile import Profile
 
 __all__ = ["ExtrusionFault", "find_clog", "find_misread_e", "find_missing_material"]
 
-_MAX_EMPTY_SHARE: Final = 0.5  # of the length on which filament is fed; more means that E is misread
-_MIN_RETRACTED_SHARE: Final = 0.05  # of that length; more means that E decreases with every extrusion
-_MIN_LENGTH: Final = 50.0  # mm of extrusion that a layer needs to be checked
+_MAX_EMPTY_SHARE: Final = 0.5  # share of the length with feeding that may extrude nothing
+_MIN_RETRACTED_SHARE: Final = 0.05  # share of this length; above it, E decreases with every extrusion
+_MIN_LENGTH: Final = 50.0  # mm of extrusion; a layer with less is not checked
 _MAX_SECTION: Final = 3.0  # mm²; no nozzle extrudes larger cross-sections
-_THIN_RATIO: Final = 0.4  # of the usual cross-section
-_SUDDEN_RATIO: Final = 0.5  # of the cross-section in the layer before
-_LAYERS_BEFORE, _LAYERS_AFTER = 5, 3  # layers to compare with, and layers that must be thin
-_MIN_VOLUME_RATIO: Final = 0.9  # of the planned volume of a layer
-_ALL_LAYERS: Final = 1 << 30  # for faults that affect all later layers
-_MIN_VOLUME_LOSS: Final = 0.5  # mm³ that a layer may lack
+_THIN_RATIO: Final = 0.4  # times the usual cross-section
+_SUDDEN_RATIO: Final = 0.5  # times the cross-section in the layer before
+_LAYERS_BEFORE, _LAYERS_AFTER = 5, 3  # number of layers to compare with, and of layers that must be thin
+_MIN_VOLUME_RATIO: Final = 0.9  # share of the planned volume of a layer
+_ALL_LAYERS: Final = 1 << 30  # last layer of a fault that affects all later layers
+_MIN_VOLUME_LOSS: Final = 0.5  # mm³ that may be missing in a layer
 
 
 class ExtrusionFault(NamedTuple):
@@ -89,7 +89,7 @@ def find_misread_e(job: Job, deposition: Deposition) -> Iterator[ExtrusionFault]
 def _decreasing_e_fault(
     job: Job, deposition: Deposition, begin: tuple[int, int], last: int, retracted_share: float
 ) -> ExtrusionFault:
-    """Return the fault for E values that decrease too often, or once by too much.
+    """Return the fault for E values that decrease too often, or that decrease once by too much.
 
     Args:
         job: the job.
@@ -122,7 +122,7 @@ def _decreasing_e_fault(
 
 
 def find_missing_material(job: Job, profile: Profile, deposition: Deposition) -> Iterator[ExtrusionFault]:
-    """Find layers with less material than those before, or than the part needs."""
+    """Find layers with less material than the layers before them, or less than the part needs."""
     if deposition.layers and deposition.first_extrusion is None:
         what = "the file extrudes nothing"
         fault = Diagnostic("lack", "warning", what, remedy="Check that its moves have E values")
@@ -173,7 +173,7 @@ def find_clog(job: Job, profile: Profile, deposition: Deposition, missing: float
 def _find_runs(
     layers: Sequence[LayerDeposition], is_faulty: Callable[[LayerDeposition], bool]
 ) -> Iterator[list[LayerDeposition]]:
-    """Yield the runs of consecutive layers for which `is_faulty` is true."""
+    """Yield each run of consecutive layers for which `is_faulty` returns True."""
     used = [one for one in layers if one.length + one.empty_length > 0]
     for faulty, run in groupby(used, is_faulty):
         if faulty:
@@ -181,18 +181,18 @@ def _find_runs(
 
 
 def _find_wrong_mode(job: Job, wrong: bytes, right: bytes, before: int) -> int | None:
-    """Return the index of the last M82 or M83 up to a command, if it is the wrong one; otherwise None."""
+    """Return the index of the last M82 or M83 up to a command if this is the wrong mode; else None."""
     found = _find_last(job, (wrong, right), 0, before)
     return found if found is not None and parse(job.commands[found])[0] == wrong else None
 
 
 def _find_last(job: Job, codes: tuple[bytes, ...], first: int, last: int) -> int | None:
-    """Return the index of the last command with one of the codes; None if there is none."""
+    """Return the index of the last command in a range that has one of the codes; None without one."""
     return next((at for at in range(last, first - 1, -1) if parse(job.commands[at])[0] in codes), None)
 
 
 def _planned_volumes(job: Job, profile: Profile) -> dict[int, float]:
-    """Return the planned volume of each layer of a job that was sliced here, mm³; empty for other jobs."""
+    """Return the planned volume of each layer, mm³, of a job that this program sliced; empty for others."""
     if job.program is None or not job.marks:
         return {}
     beads, kept = extrusions_of_program(job.program, profile.material.filament_diameter)
@@ -223,7 +223,7 @@ def _find_short_layers(
     fault = Diagnostic(
         "lack", "error", what, remedy="Look for M221, and for extrusion that the printer rejected"
     )
-    # The loss may begin anywhere in the first of these layers.
+    # The first of these layers may lose material from its start or only later.
     yield ExtrusionFault(begins[0], begins[0], begins[:2][-1], max(short), fault)
 
 

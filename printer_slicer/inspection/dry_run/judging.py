@@ -1,4 +1,4 @@
-"""Combine all records of a simulated print into a `Verdict`."""
+"""Judge a simulated print: combine all its records into a `Verdict`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from printer_slicer.values import Struct, replace
 __all__ = ["RunContext", "Verdict", "judge"]
 
 TIME_TOLERANCE: Final = 0.01
-"""Largest relative difference between simulated and estimated time that is accepted."""
+"""Maximum accepted difference between simulated and estimated time, as a share of the estimated time."""
 
 
 @accept_former_fields(account="deposition")
@@ -86,7 +86,7 @@ class Verdict(SvgRepr, Struct, frozen=True):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The warnings as text."""
+        """The warnings of the dry run as text."""
         return tuple(sentence(fault) for fault in self.faults if not fault.is_error)
 
     def __repr__(self) -> str:
@@ -95,7 +95,7 @@ class Verdict(SvgRepr, Struct, frozen=True):
 
     @property
     def drawable(self) -> Summary:
-        """Headline, facts and problems."""
+        """The headline, facts and problems of this verdict, for its picture."""
         n_layers = len(self.heights) - len(self.primed)
         facts = {
             "executed": f"{self.executed} of {self.commands} commands, "
@@ -113,7 +113,7 @@ class Verdict(SvgRepr, Struct, frozen=True):
 
 
 class RunContext(NamedTuple):
-    """Records of a run besides the report of the printer.
+    """Records of a simulated print, in addition to the report of the printer.
 
     Attributes:
         deposition: the recorded extrusion; None if it was not recorded.
@@ -185,7 +185,7 @@ def _add_material_faults(
     comparison: Comparison,
     known: tuple[Deposition, list[tuple[int, Diagnostic]]],
 ) -> list[tuple[int, Diagnostic]]:
-    """Return the faults of the firmware, and the faults of the extrusion that do not follow from them."""
+    """Return the faults that the firmware found, and extrusion faults that are not their consequences."""
     deposition, from_firmware = known
     causes = find_causes(job, report, comparison, deposition)
     found: list[tuple[int, Diagnostic]] = []
@@ -205,7 +205,7 @@ def _add_material_faults(
         for command, fault in from_firmware
         if fault.code != "extrusion" or not any(since <= command for since in misreads)
     ]
-    # A defect of a clipped or rejected command is no separate fault.
+    # A defect caused by a clipped or rejected command is no separate fault.
     reported = {command for command, _ in from_firmware}
     remaining = [
         one for one in drop_consequences(deposition.defects, causes) if one.command - 1 not in reported
@@ -214,7 +214,7 @@ def _add_material_faults(
 
 
 def _has_planned_heights(job: Job, extruded: tuple[float, ...]) -> bool:
-    """Return whether the printed heights are those of the job, and the job's those of its layer plan.
+    """Return whether the printed heights equal the job's, and these equal the heights of its layer plan.
 
     The comparison with the plan leaves out the heights of the start G-code.
     """
@@ -222,7 +222,7 @@ def _has_planned_heights(job: Job, extruded: tuple[float, ...]) -> bool:
         return False
     if job.program is None or job.program.climbs:
         return True
-    # Heights of the start G-code: those of the moves before the first layer comment.
+    # The start G-code consists of the commands before the first layer comment.
     primed = set(_start_heights(job))
     planned = [round(float(z), 4) for z in job.program.plan.top[job.program.printed]]
     return set(extruded) - primed <= set(planned) and [z for z in extruded if z not in primed] == [
@@ -239,7 +239,7 @@ def _start_heights(job: Job) -> list[float]:
 def _list_problems(
     job: Job, report: Report, comparison: Comparison, end: Event | None, *, is_explained: bool
 ) -> list[str]:
-    """Return the problems of the whole run as text, without those that reported faults explain."""
+    """Return the problems of the whole run as text; leave out problems that reported faults explain."""
     problems = [f"the host stopped: {end.reason}"] if isinstance(end, Halted) else []
     if report.killed:
         problems.append(f"the printer halted: {report.killed}")

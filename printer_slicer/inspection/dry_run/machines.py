@@ -13,14 +13,14 @@ from printer_slicer.values import replace
 
 __all__ = ["machine_of", "simulated_firmware_for"]
 
-_USER_DELAY: Final = 60.0  # s until the user answers when a file waits for a person
-# mm of travel above the printable height, for firmware that lifts the nozzle at the end of a print
+_USER_DELAY: Final = 60.0  # s; time in which the simulated user answers when a file waits
+# mm above the printable height that the nozzle can reach, for a lift at the end
 _MARGIN_ABOVE: Final = 10.0
 _PROBE_POINTS: Final = 16  # points that a bed probe touches
 
 
 def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bool = False) -> Machine:
-    """Return the simulated machine for a printer profile; values not in profiles are typical ones.
+    """Return the simulated machine for a printer profile; values that profiles lack are typical values.
 
     Args:
         printer: the profile.
@@ -52,7 +52,7 @@ def machine_of(printer: Printer, extruders: int | None = None, *, one_hotend: bo
 
 
 def simulated_firmware_for(printer: Printer) -> SimulatedFirmware:
-    """Return the simulated firmware for a printer: it replies like Marlin, with the printer's dialect."""
+    """Return a simulated firmware that replies like Marlin and understands the printer's dialect."""
     extended = printer.firmware.dialect.extended_commands
     any_case = any(one.any_case for one in SIMULATED_FIRMWARES.values() if one.dialect == printer.flavour)
     return replace(MARLIN_2_1, dialect=printer.flavour, ignores_extended=extended, any_case=any_case)

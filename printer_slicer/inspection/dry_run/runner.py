@@ -38,13 +38,13 @@ from printer_slicer.values import Struct
 __all__ = ["dry_run", "make_layer_counter"]
 
 _POSITION = re.compile(r"X:(\S+) Y:(\S+) Z:(\S+)")
-_LATENCY = 0.001  # s, latency of a reply over USB
-_MAX_SHOWN = 60  # characters of a command in a message
-_LONGEST_WAIT = 60.0  # s of simulated time for one read
+_LATENCY = 0.001  # s; latency of a reply over USB
+_MAX_SHOWN = 60  # characters; longer commands are shortened in messages
+_LONGEST_WAIT = 60.0  # s; simulated time that one read may take
 
 
 class _Simulation(Struct, eq=False):
-    """Simulated printer, cable and host, with the observers of a run."""
+    """A simulated print: printer, cable and host, with the observers that record it."""
 
     job: Job
     profile: Profile
@@ -64,7 +64,7 @@ class _Simulation(Struct, eq=False):
         printer: tuple[Machine, SimulatedFirmware | None],
         faults: Faults | None,
     ) -> _Simulation:
-        """Connect a simulated printer, a cable and the observers; `baud` and firmware default to the profile's."""
+        """Connect printer, cable and observers; `baud` and firmware default to the profile's values."""
         comparison = Comparison(job.commands)
         observer = DepositionObserver(job, profile, comparison)
         machine, firmware = printer
@@ -87,7 +87,7 @@ class _Simulation(Struct, eq=False):
         return Streamer(commands, limits=limits_of(printer), window_bytes=printer.receive_buffer - 1)
 
     def make_verdict(self, end: Event | None, total_seconds: float) -> Verdict:
-        """Return the result of the run."""
+        """Return the verdict on the simulated print."""
         state = self.printer.state
         return judge(
             self.job,
@@ -105,13 +105,13 @@ class _Simulation(Struct, eq=False):
 
 
 def make_layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | None:
-    """Return a function that returns the current layer of a run; None if the job has no layer comments."""
+    """Make a function that returns the current layer of a run; return None without layer comments."""
     if not job.marks:
         return None
     begins, numbers = list(job.marks), list(job.marks.values())
 
     def layer_now() -> int:
-        """Return the layer of the last started command; 0 before the first layer."""
+        """Return the layer of the command that was started last; 0 before the first layer."""
         at = bisect_right(begins, comparison.due - 1)
         return numbers[at - 1] if at else 0
 
@@ -165,11 +165,11 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
 
 
 def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
-    """Simulate every byte on the cable."""
+    """Print the job and simulate every byte on the cable."""
     ends: list[Event] = []
 
     def listen(event: Event) -> None:
-        """Record the last event of a run, and pass all events on."""
+        """Store an event as the last event so far, and pass it on."""
         if isinstance(event, (Finished, Halted)):
             ends.append(event)
         on_event(event)
@@ -179,7 +179,7 @@ def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -
     progress = -1, 0.0
 
     def stop_if_endless(now: float) -> None:
-        """Raise an error for a command or a print that never ends."""
+        """Raise an error if a command or the print never ends."""
         nonlocal progress
         if simulation.comparison.executed != progress[0]:
             progress = simulation.comparison.executed, now
@@ -198,7 +198,7 @@ def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -
 
 
 def _run_fast(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
-    """Simulate whole lines, each at the time at which it would have arrived."""
+    """Print the job line by line; each line arrives when it would over the cable."""
     window = simulation.profile.printer.receive_buffer - 1
     link = SerialLink(simulation.baud, _LATENCY, _LATENCY, window_bytes=window)
     runner = FastRunner(simulation.printer, simulation.port, link, simulation.comparison.add_batch)
@@ -221,7 +221,7 @@ def _run_fast(simulation: _Simulation, on_event: Callable[[Event], None]) -> Ver
 
 
 def _endless_event(simulation: _Simulation) -> Halted:
-    """Return the last event of a print that never ends."""
+    """Return the event for a print that never ends."""
     at = max(simulation.comparison.due - 1, 0)
     command = simulation.job.commands[at].decode("latin-1")[:_MAX_SHOWN]
     return Halted(
@@ -231,7 +231,7 @@ def _endless_event(simulation: _Simulation) -> Halted:
 
 
 def _finished_event(reply: str, job: Job) -> Finished:
-    """Return the last event of a complete job, with the position in the last reply of the printer."""
+    """Return the event for a complete job, with the position from the printer's last reply."""
     found = _POSITION.match(reply)
     position = (float(found[1]), float(found[2]), float(found[3])) if found else None
     misses = [abs(at - to) for at, to in zip(position or (), job.end, strict=False)]

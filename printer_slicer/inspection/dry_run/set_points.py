@@ -16,7 +16,7 @@ _FULL_FAN = 255.0
 
 
 class SetPoints(Struct, frozen=True, eq=False):
-    """Set points in the order of the commands that change them.
+    """Fan speeds and target temperatures after each command that changes one of them.
 
     Attributes:
         command: (m,) number of the command, counted from 1.
@@ -31,7 +31,7 @@ class SetPoints(Struct, frozen=True, eq=False):
 
 
 def find_set_points(commands: Sequence[bytes], flavour: str) -> SetPoints:
-    """Find the commands that set the fan or a temperature.
+    """Find the commands that set the fan or a temperature, and the values that they set.
 
     Args:
         commands: of a job, without comments.
@@ -40,7 +40,7 @@ def find_set_points(commands: Sequence[bytes], flavour: str) -> SetPoints:
     state = MachineState(flavour)
     rows = [(1, 0.0, 0.0, 0.0)]
     for number, command in enumerate(commands, 1):
-        if command[:1] == b"G" and command[:3] != b"G10":  # moves; G10 sets temperatures in RepRapFirmware
+        if command[:1] == b"G" and command[:3] != b"G10":  # a move; but G10 may set a temperature
             continue
         state.follow(command)
         now = (min(state.fan / _FULL_FAN, 1.0) * 100, state.hotend, state.bed)

@@ -1,4 +1,4 @@
-"""Find buffer underruns of a job on a serial link, before it is printed.
+"""Predict the buffer underruns of a job on a serial link.
 
 With few moves in its buffer the planner slows down, because it must be able to stop after the last known move. With an
 empty buffer the machine stands still, with the nozzle on the part. `printer_slicer.link_model` computes the times of
@@ -27,9 +27,9 @@ from printer_slicer.values import Struct, replace
 
 __all__ = ["Underrun", "UnderrunReport", "find_underruns", "make_timed_job"]
 
-_MIN_GAP: Final = 40  # commands without delay that separate two underruns
-_MIN_SLOWDOWN: Final = 0.05  # of its ideal duration; a move that takes longer by this share is delayed
-_MIN_LOSS: Final = 0.25  # s lost in an underrun; starting from rest may take 0.1 s anyway
+_MIN_GAP: Final = 40  # number of commands without delay that separate two underruns
+_MIN_SLOWDOWN: Final = 0.05  # share of the ideal duration; a move that takes longer by this share is delayed
+_MIN_LOSS: Final = 0.25  # s; a shorter delay is no underrun, because starting from rest may take 0.1 s
 _WAITING_COMMANDS: Final = commands_that(Effect.WAITS)
 
 
@@ -79,7 +79,7 @@ class UnderrunReport(Struct, frozen=True):
 
     @property
     def ok(self) -> bool:
-        """Whether there is no underrun."""
+        """Whether the job has no buffer underrun on the link."""
         return not self.underruns
 
 
@@ -115,7 +115,7 @@ def find_underruns(
 
 
 def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> TimedJob:
-    """Return the load of each command on the link and the planner; arguments as for `find_underruns`."""
+    """Return how much each command loads the link and the planner; arguments as for `find_underruns`."""
     sizes, rooms = line_sizes(commands, 0)
     parts: list[Blocks] = []
     lines, changed, begin = [moves.line[:0]], {}, 0
@@ -140,14 +140,14 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
         )
     )
     moving = np.concatenate(lines)
-    # Commands with moves, such as some that home, count only as their moves.
+    # Commands that move, such as some homing commands, count only as moves.
     others = np.setdiff1d(np.arange(len(commands)), moving).tolist()
     dwells = {at: seconds for at in others if (seconds := _dwell_seconds(commands[at])) is not None}
     return TimedJob(sizes, rooms, moving, blocks, dwells, changed)
 
 
 def _dwell_seconds(command: bytes) -> float | None:
-    """Return the duration of a dwell, s; 0 for waits for heaters or the user; None for other commands."""
+    """Return the duration of a dwell, s; 0 for a wait for heaters or the user; None for other commands."""
     word, values = parse(command)
     if (word or parse_extended(command)[0]) not in _WAITING_COMMANDS:
         return None

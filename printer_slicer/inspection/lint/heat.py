@@ -34,7 +34,7 @@ class HeaterRules(Struct):
     _unit: str = "C"
 
     def check_command(self, command: LintCommand) -> str:
-        """Return a message if a command sets a temperature that is too high or unreadable; otherwise empty."""
+        """Return a message if a command sets a temperature that is too high or unreadable; else return ""."""
         if command.code == "M149":
             self._unit = next((letter for letter in "CFK" if letter in command.words), self._unit)
             return ""
@@ -52,7 +52,7 @@ class HeaterRules(Struct):
         return "" if target is None else self._check_target(heater, self._to_celsius(target))
 
     def _check_settings(self, command: LintCommand) -> str:
-        """Check the temperatures of Klipper commands and macros, such as START_PRINT EXTRUDER_TEMP=210."""
+        """Return a message on bad temperatures in Klipper commands, such as START_PRINT EXTRUDER_TEMP=210."""
         for name, value in command.settings.items():
             if "TEMP" not in name and name not in {"TARGET", "MINIMUM", "EXTRUDER", "HOTEND", "BED"}:
                 continue
@@ -72,9 +72,9 @@ class HeaterRules(Struct):
         return value - _KELVIN_ZERO if self._unit == "K" else value
 
     def _check_target(self, heater: HeaterName, target: float) -> str:
-        """Return a message if a target temperature is above the maximum; otherwise empty."""
+        """Return a message if a target temperature is above the profile's maximum; else return ""."""
         printer = self.profile.printer
-        # Profiles have no maximum for the chamber; that of the bed is used.
+        # Profiles have no maximum for the chamber, so the maximum of the bed applies.
         maximum = printer.max_nozzle_temperature if heater == "nozzle" else printer.max_bed_temperature
         return (
             f"{heater} temperature {target:g} °C is above the maximum of {maximum:g} °C"

@@ -1,4 +1,4 @@
-"""Check the end points, speeds and flow of the moves of a job, in arrays of moves.
+"""Check the end points, speeds and flow of a job's moves, which are stored in arrays.
 
 Firmware limits speeds itself. So a feed rate above that of the profile is only a warning, unless it is far above or the
 file raises the limits of the firmware too. Inches, relative modes, offsets (G92), homing, tools, M200 and M220 are
@@ -25,15 +25,15 @@ from printer_slicer.values import Struct
 __all__ = ["SHORT_TERM_FLOW", "MoveChecker"]
 
 SHORT_TERM_FLOW: Final = 1.5
-"""Factor on `max_flow` up to which a hotend can deliver for a short time."""
+"""For a short time, a hotend can deliver this factor times `max_flow`."""
 
-_EXTRUSION_MARGIN: Final = 5.0  # mm outside the bed that printers reach, for priming and wiping
-# mm outside the bed for travel: slicers park there, and the firmware stops the move at the edge
+_EXTRUSION_MARGIN: Final = 5.0  # mm outside the bed; printers reach this far, for priming and wiping
+# mm outside the bed, for travel: slicers park there, and the firmware stops the move at the edge
 _TRAVEL_MARGIN: Final = 25.0
 _MARGIN_ABOVE: Final = 10.0  # mm above the printable height, where slicers lift the nozzle at the end
 _ROUNDING: Final = 0.011  # mm
-_MAX_SPEED_RATIO: Final = 2.0  # a feed rate above this multiple of the speed in the profile is an error
-_MAX_SPEED_RATIO_ZE: Final = 3.0  # the same for z and extruder, whose limits slicers often do not know
+_MAX_SPEED_RATIO: Final = 2.0  # a feed rate above this multiple of the profile's speed is an error
+_MAX_SPEED_RATIO_ZE: Final = 3.0  # such a multiple for z and extruder, whose limits slicers often do not know
 
 
 class MoveChecker:
@@ -94,7 +94,7 @@ class MoveChecker:
             index = found[0].command - 1
             command, reason = (
                 commands[index].decode("latin-1"),
-                "It will fall down: rotate the part or add supports",
+                "The filament will fall down: rotate the part or add supports",
             )
             yield Diagnostic(
                 "unsupported", "error", describe_unsupported(found), reason, index=index, command=command
@@ -116,7 +116,7 @@ class MoveChecker:
             old.worst = max(old.worst, worst, key=abs)
 
     def _firmware_speed_limits(self, moves: Moves) -> Float:
-        """Return the speed limits (4, K) of the firmware, which the file may change; first those of the profile."""
+        """Return the firmware's speed limits (4, K): those of the profile until the file changes them."""
         speed_limits = np.repeat(self._speed_limits[:, None], len(moves.speed), axis=1)
         for first, kind, values in moves.changes:
             for axis, letter in enumerate("XYZE" if kind == "M203" else ""):
@@ -125,7 +125,7 @@ class MoveChecker:
         return speed_limits
 
     def _new_filament(self, moves: Moves, fed: Float) -> Float:
-        """Return the filament (K,) that leaves the nozzle, mm; filament fed back after a retraction does not count."""
+        """Return the filament (K,), mm, that leaves the nozzle; deretracted filament does not count."""
         new_filament = np.zeros(len(fed))
         for tool in np.unique(moves.tool).tolist():
             before, highest = self._fed.get(tool, (0.0, 0.0))
@@ -138,7 +138,7 @@ class MoveChecker:
 
 
 class _Problem(Struct):
-    """A kind of problem: index of its first command, number of its commands, largest amount, and reason."""
+    """All occurrences of one problem: first command, number of commands, largest amount, and reason."""
 
     index: int
     count: int
@@ -147,7 +147,7 @@ class _Problem(Struct):
 
 
 class _CheckResult(NamedTuple):
-    """Result of one check: mask of failing moves (K,), amounts (K,) for the braces in `message`, and the reason."""
+    """The result of a check: mask of failing moves (K,), amounts (K,) for the braces in `message`, reason."""
 
     name: str
     fails: Bool
@@ -195,7 +195,7 @@ def _check_box(moves: Moves, profile: Profile) -> Iterator[_CheckResult]:
 
 
 def _axis_speeds(moves: Moves) -> tuple[Float, Float]:
-    """Return the requested speed of each axis, mm/s, and the share of each axis in the move's length, (4, K)."""
+    """Return the requested speed, mm/s, and share of the move's length, of each axis and move (4, K)."""
     x, y, z, e = np.abs(moves.delta.T)
     length = np.sqrt(x * x + y * y + z * z)
     length = np.where(length > 1e-6, length, e)
@@ -207,7 +207,7 @@ def _check_speeds(
     profile: Profile, speed: Float, axis_share: Float, speed_limits: Float
 ) -> Iterator[_CheckResult]:
     """Find axis speeds above the maximum of the profile."""
-    limited = "The firmware limits it"
+    limited = "The firmware limits this speed"
     for axis, letter in enumerate("xyze"):
         maximum = limits_of(profile.printer).max_speed[axis]
         requested = speed[axis]
@@ -228,7 +228,7 @@ def _check_speeds(
 def _check_flow(
     moves: Moves, new_filament: Float, seconds: Float, profile: Profile
 ) -> Iterator[_CheckResult]:
-    """Find volumetric flow above the maximum of the material, while moving and while standing still."""
+    """Find moves whose flow exceeds the maximum of the material, including extrusion at standstill."""
     volume = new_filament * np.pi * profile.material.filament_diameter**2 / 4
     extruding = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
     standing = ~extruding & (volume >= FLOW_WINDOW) & (seconds > 0)
@@ -248,7 +248,7 @@ def _check_flow(
 
 
 def _min_durations(moves: Moves, speed_ratio: Float) -> Float:
-    """Return the shortest duration (K,) of each move within the axis limits, s.
+    """Return the shortest duration (K,), s, of each move within the speed limits of the axes.
 
     Args:
         moves: the moves.

@@ -26,7 +26,7 @@ __all__ = ["Readiness"]
 _AXES: Final = "XYZ"
 _HARMLESS_LIFT: Final = 10.0  # mm, upwards
 _MIN_EXTRUSION_TEMPERATURE: Final = 170.0  # °C; Marlin's EXTRUDE_MINTEMP
-# s after which filament no longer flows properly; a hotend cools by one to three °C per second
+# s; a hotend that is off cools by 1 to 3 °C per second, and then filament flows badly
 _COOLING_TIME: Final = 10.0
 _UNKNOWN, _HOMED, _MOTORS_OFF = range(3)
 _COLD, _HEATING, _HOT, _COOLING, _COOLED = range(5)
@@ -36,19 +36,19 @@ _HOMES: Final = names_that(Effect.HOMES)
 
 
 class _StateHistory(Struct):
-    """History of a state: indices of the commands that change it, and the states before, between and after."""
+    """The history of a state: the commands that change it, and the state before and after each."""
 
     since: list[int] = field(default_factory=list)
     states: list[int] = field(default_factory=lambda: [0])
 
     @property
-    def current(self) -> int:
-        """The state after all commands so far."""
+    def current_state(self) -> int:
+        """State after the commands so far."""
         return self.states[-1]
 
-    def change(self, index: int, state: int) -> None:
-        """Change the state after this command."""
-        if state != self.current:
+    def record_change(self, index: int, state: int) -> None:
+        """Record that a command changes the state."""
+        if state != self.current_state:
             self.since.append(index)
             self.states.append(state)
 
@@ -60,14 +60,14 @@ class _StateHistory(Struct):
 
 
 class _Problem(Struct):
-    """A kind of problem: index of its first command, and number of its commands."""
+    """All occurrences of one problem: its first command, and the number of its commands."""
 
     index: int
     count: int
 
 
 class Readiness:
-    """Checks that homing and heating precede moves; takes all commands of a job first, then its moves.
+    """Checks that a job homes and heats before it moves; process all commands first, then check moves.
 
     Args:
         flavour: flavour of the firmware; if it moves before homing, a slight lift of the nozzle is allowed.
@@ -85,11 +85,11 @@ class Readiness:
         code = command.code
         if code in _RUNS_MACRO or match_start_macro(code):
             self._mark_homed(index, _AXES)
-            self._heat.change(index, _HOT)
+            self._heat.record_change(index, _HOT)
         elif code in _HOMES:
             self._mark_homed(index, "".join(axis for axis in _AXES if axis in command.words) or _AXES)
-        elif code in {"M18", "M84"} and "S" not in command.words and self._axes.current == _HOMED:
-            self._axes.change(index, _MOTORS_OFF)
+        elif code in {"M18", "M84"} and "S" not in command.words and self._axes.current_state == _HOMED:
+            self._axes.record_change(index, _MOTORS_OFF)
         else:
             self._process_heating(index, command)
 
@@ -134,12 +134,12 @@ class Readiness:
         """Mark axes as homed after a command."""
         self._homed.update(axes)
         if len(self._homed) == len(_AXES):
-            self._axes.change(index, _HOMED)
+            self._axes.record_change(index, _HOMED)
 
     def _process_heating(self, index: int, command: LintCommand) -> None:
-        """Process nozzle targets and waits for them; with several tools the last target applies to all."""
+        """Process a nozzle target or a wait for it; with several tools, the last target applies to all."""
         target = _nozzle_target(command)
-        state = self._heat.current
+        state = self._heat.current_state
         if target is not None and target >= _MIN_EXTRUSION_TEMPERATURE:
             state = _HOT if state in {_HOT, _COOLING} else _HEATING
         elif target is not None and not self._names_tool(command):
@@ -147,20 +147,20 @@ class Readiness:
             state = _COLD if state <= _HEATING else _COOLED if cools else _COOLING
         if command.code in _WAITS_FOR_HEAT and state == _HEATING:
             state = _HOT
-        self._heat.change(index, state)
+        self._heat.record_change(index, state)
 
     @staticmethod
     def _names_tool(command: LintCommand) -> bool:
-        """Return whether the command names a tool, which may not be the active one."""
+        """Return whether a command names a tool, which may differ from the active tool."""
         return "T" in command.words or "P" in command.words
 
     def _find_harmless_lifts(self, moves: Moves) -> Bool:
-        """Return a mask (K,) of moves that only lift the nozzle slightly, as many start G-codes do before homing."""
+        """Return a mask (K,) of moves that only lift the nozzle slightly, as many files do before homing."""
         x, y, z = moves.delta[:, :3].T
         return np.asarray(self._may_lift & (x == 0) & (y == 0) & (z > 0) & (z <= _HARMLESS_LIFT))
 
     def _find_moves_after_cooling(self, moves: Moves, cooling: Bool) -> Bool:
-        """Return a mask (K,) of moves that start after the nozzle has been off too long to extrude."""
+        """Return a mask (K,) of moves that start when the nozzle has been off for too long to extrude."""
         seconds = np.where(cooling, _durations(moves), 0.0)
         total = self._cooling + np.cumsum(seconds)
         begins = cooling & ~np.append(True, cooling[:-1])

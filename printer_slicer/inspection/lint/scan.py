@@ -1,4 +1,4 @@
-"""Check the commands and moves of G-code before it is sent, and make a job from it."""
+"""Check the commands and moves of G-code text, and make a job from the text."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _find_unusual_commands(commands: Sequence[bytes]) -> Iterator[tuple[int, byt
 
 
 def _sort_by_command(findings: Iterable[Diagnostic], marks: Mapping[int, int]) -> tuple[Diagnostic, ...]:
-    """Add the layer to each diagnostic and sort them by command."""
+    """Add the layer to each diagnostic, and sort the diagnostics by command."""
     begins, layers = list(marks), list(marks.values())
     placed = (
         replace(one, layer=layers[at - 1] if (at := bisect_right(begins, one.index)) else 0)

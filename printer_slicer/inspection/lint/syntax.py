@@ -1,4 +1,4 @@
-"""Find words that a firmware cannot read: without a valid number, or in lower case if it needs upper case.
+"""Find words that a firmware cannot read: they have no valid number, or are in lower case.
 
 The table of firmwares in `firmware` says how each one reads such words. Messages, file names, words of several letters
 and commands for the host (`@pause`) may be in lower case everywhere.
@@ -36,7 +36,7 @@ _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
 
 
 def describe_number_faults(command: LintCommand, flavour: str) -> Iterator[str]:
-    """Yield a description of each word of a command without a valid number, and how the firmware reads it.
+    """Describe each word of a command that has no valid number, and how the firmware reads the word.
 
     Args:
         command: the parsed command.
@@ -62,7 +62,7 @@ _LOWER_WORD: Final = re.compile(r"(?<![A-Za-z_])[a-z](?![A-Za-z_])")
 
 
 def describe_lower_case_fault(line: bytes, flavour: str) -> str:
-    """Return a message if the firmware does not read lower-case words of a line; otherwise empty.
+    """Return a message if the firmware cannot read lower-case words of a line; else return "".
 
     Args:
         line: one command, without comment.
@@ -82,6 +82,6 @@ def describe_lower_case_fault(line: bytes, flavour: str) -> str:
 
 
 def _convert_to_upper_case(words: str) -> str:
-    """Return the words of a command in upper case; quoted texts and comments in them stay unchanged."""
+    """Return the words of a command in upper case; leave quoted texts and comments unchanged."""
     texts = iter(_QUOTED_TEXT.findall(words))
     return "".join(part.upper() + next(texts, "") for part in _QUOTED_TEXT.split(words))

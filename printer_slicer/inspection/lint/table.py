@@ -20,7 +20,7 @@ from printer_slicer.values import Struct
 __all__ = ["RULES", "Rule", "RuleResult"]
 
 RuleResult = tuple[bool, str]
-"""Whether the command is an error instead of a warning, and what it does."""
+"""Whether a command is an error (else a warning), and what the command does."""
 
 _RuleCheck = Callable[[LintCommand, Printer], RuleResult | None]
 
@@ -32,7 +32,7 @@ up to 18 times too much for printers that they do not know."""
 _OF_ONE_FIRMWARE: Final = frozenset({"M566", "SET_VELOCITY_LIMIT"})
 """Commands that only some firmwares know."""
 
-_MAX_BABYSTEP: Final = 0.5  # mm; a babystep is smaller
+_MAX_BABYSTEP: Final = 0.5  # mm; babysteps are smaller
 _M118_OPTIONS: Final = re.compile(r"(?:[AEP]\d *)*")
 _LOOKS_LIKE_REPLY: Final = re.compile(
     r"OK\b|RESEND|RS |ERROR|START\b|WAIT\b|!!|FATAL|ECHO: *BUSY|BUSY|FIRMWARE_NAME|CAP:|T\d*:|B:|X:"
@@ -61,12 +61,12 @@ class Rule(Struct, frozen=True):
 
 
 def _always_report(effect: str, *, is_warning: bool = False) -> _RuleCheck:
-    """Return a check that reports every use of a command."""
+    """Make a check that reports every use of a command."""
     return lambda _command, _printer: (not is_warning, effect)
 
 
 def _report_if_any(letters: str, effect: str, *, is_warning: bool = False) -> _RuleCheck:
-    """Return a check that reports a command with any of the letters; without them it only queries."""
+    """Make a check that reports a command with any of the letters; without them, a command only queries."""
 
     def check(command: LintCommand, _printer: Printer) -> RuleResult | None:
         """Check a command for the letters."""
@@ -76,7 +76,7 @@ def _report_if_any(letters: str, effect: str, *, is_warning: bool = False) -> _R
 
 
 def _check_limits(command: LintCommand, printer: Printer) -> RuleResult | None:
-    """Check limits: a warning above those of the profile, an error far above them or for speeds far below."""
+    """Check motion limits: warn above the profile's limits; reject far higher limits and far lower speeds."""
     worst: tuple[float, str] = (1.0, "")
     for letter, requested, most in _requested_limits(command, printer):
         if command.code == "M203" and 0 < requested < most / _MAX_LIMIT_RATIO:
@@ -91,7 +91,7 @@ def _check_limits(command: LintCommand, printer: Printer) -> RuleResult | None:
 
 
 def _requested_limits(command: LintCommand, printer: Printer) -> list[tuple[str, float, float]]:
-    """Return the letter, the requested limit and the limit of the profile for each limit, in mm and s."""
+    """Return letter, requested limit and profile limit for each limit that a command sets, in mm and s."""
     axes = "xyze"
     known: dict[str, dict[str, float]] = {
         "M201": {axis: getattr(printer, f"max_acceleration_{axis}") for axis in axes},
@@ -121,7 +121,7 @@ def _requested_limits(command: LintCommand, printer: Printer) -> list[tuple[str,
 
 
 def _limit_unit(command: LintCommand, printer: Printer) -> float | None:
-    """Return the unit of a limit command per mm/s; None if the printer's firmware sets no limits with it.
+    """Return the unit of a limit command per mm/s; None if it sets no limits in the printer's firmware.
 
     A firmware ignores the limit commands of other firmwares; nearly all of them read those of Marlin.
     """
@@ -135,14 +135,14 @@ def _limit_unit(command: LintCommand, printer: Printer) -> float | None:
 
 
 def _corner_limits(printer: Printer) -> dict[str, float]:
-    """Return the limits for corners by the letter that sets them."""
+    """Return the profile's cornering limits, with the letter that sets each."""
     if printer.corner == "jerk":
         return {"x": printer.jerk_xy, "y": printer.jerk_xy, "z": printer.jerk_z, "e": printer.jerk_e}
     return {"j": printer.junction_deviation} if printer.corner == "junction_deviation" else {}
 
 
 def _check_cold_extrusion(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M302: whether it allows extrusion below the usual minimum temperature."""
+    """Check whether M302 allows extrusion below the usual minimum temperature."""
     if command.code == "M302" and any(value for value in command.words.get("P", ())):
         return True, "allows cold extrusion"
     least = min((value for letter in "SR" for value in command.words.get(letter, ())), default=None)
@@ -152,17 +152,17 @@ def _check_cold_extrusion(command: LintCommand, _printer: Printer) -> RuleResult
 
 
 def _check_flow_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M221: values common in start G-code cause a warning, others an error."""
+    """Check M221: flow values that are common in start G-code cause a warning, other values an error."""
     return _check_percentage(command, "flow", _USUAL_FLOW)
 
 
 def _check_speed_ratio(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M220: the firmware limits speeds, so only extreme values are errors."""
+    """Check M220: only extreme speed overrides are errors, because the firmware limits speeds."""
     return _check_percentage(command, "speed", _USUAL_SPEED)
 
 
 def _check_percentage(command: LintCommand, quantity: str, usual: tuple[float, float]) -> RuleResult | None:
-    """Check a percentage: other than 100 is a warning, outside the usual range an error."""
+    """Check a percentage: warn if it is not 100; report an error outside the usual range."""
     percent = command.largest_number("S")
     if percent is None or percent == 100:
         return None
@@ -171,13 +171,13 @@ def _check_percentage(command: LintCommand, quantity: str, usual: tuple[float, f
 
 
 def _check_endstops(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check whether an argument of 0 switches the endstops off."""
+    """Check whether a command switches the endstops off by an argument of 0."""
     off = [letter for letter, values in command.words.items() if letter in "SH" and 0 in values]
     return (True, "switches the software endstops off") if off else None
 
 
 def _check_wait(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M0 and M1: with a time the wait ends by itself; without one a person must continue the print."""
+    """Check M0 and M1: with a time, the wait ends by itself; else a person must continue the print."""
     ends = [value for letter in "PS" for value in command.words.get(letter, ()) if value > 0]
     return (False, "waits for a fixed time") if ends else (True, "waits until somebody presses a button")
 
@@ -188,14 +188,14 @@ def _check_g10(command: LintCommand, _printer: Printer) -> RuleResult | None:
 
 
 def _check_babystep(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M290: babysteps are small; without letters, or with zeros, it only queries or resets."""
+    """Check M290: warn about babysteps, reject larger shifts; without a distance, nothing shifts."""
     steps = [abs(value) for letter in "XYZS" for value in command.words.get(letter, ())]
     most = max(steps, default=0.0)
     return (most > _MAX_BABYSTEP, f"shifts the nozzle by {most:g} mm") if most else None
 
 
 def _check_m118(command: LintCommand, _printer: Printer) -> RuleResult | None:
-    """Check M118: whether hosts may take the text that the printer sends for a reply."""
+    """Check whether M118 sends a text that hosts may take for a reply of the printer."""
     text = _M118_OPTIONS.sub("", command.text.partition("M118")[2].lstrip())
     if _LOOKS_LIKE_REPLY.match(text):
         return True, "sends a text that looks like a reply of the firmware"
@@ -203,7 +203,7 @@ def _check_m118(command: LintCommand, _printer: Printer) -> RuleResult | None:
 
 
 def _split_codes(text: str) -> frozenset[str]:
-    """Return the codes of a text separated by spaces."""
+    """Return the command codes in a text, in which spaces separate them."""
     return frozenset(text.split())
 
 
@@ -264,13 +264,13 @@ RULES: Final[tuple[Rule, ...]] = (
         "calibration",
         _split_codes("M350 M569 M665 M666 M669 M667"),
         _report_if_any("XYZEABCDHLRSPT", "sets geometry or motor drivers", is_warning=True),
-        "Check that it suits the printer",
+        "Check that the new values suit the printer",
     ),
     Rule(
         "calibration",
         _split_codes("M906 M907 M908 M913"),
         _report_if_any("XYZEABCS", "sets motor currents", is_warning=True),
-        "Check that they suit the printer",
+        "Check that the currents suit the printer",
     ),
     Rule(
         "autotune",
@@ -363,7 +363,7 @@ RULES: Final[tuple[Rule, ...]] = (
         _always_report("changes line numbers that the host counts"),
         "Lines may get lost",
     ),
-    Rule("link", _split_codes("M118"), _check_m118, "Hosts may take it for a reply"),
+    Rule("link", _split_codes("M118"), _check_m118, "Hosts may take the text for a reply"),
     Rule(
         "link", _split_codes("M575"), _always_report("changes the baud rate"), "The host loses the connection"
     ),
