@@ -170,7 +170,7 @@ class Faults:
             return b""
         for fault in list(self._occurrences):
             if fault.direction in ("both", direction) and data:
-                data = self._corrupt(fault, data, direction)
+                data = self._corrupt_bytes(fault, data, direction)
         return data
 
     def _find_layer_and_height(self, printer: SimulatedPrinter) -> tuple[int, float]:
@@ -244,7 +244,7 @@ class Faults:
             heater.set_fault(now, stuck_at=fault.temperature)
         state.record_heater_fault(fault.heater)
 
-    def _corrupt(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
+    def _corrupt_bytes(self, fault: Fault, data: bytes, direction: Direction) -> bytes:
         """Return what arrives of `data` at the other end while a fault damages the cable."""
         if fault.kind == "burst":
             del self._occurrences[fault]

@@ -275,7 +275,7 @@ class FirmwareState:
             self.hot = True
             return True
         self.apply_flow_cooling()
-        warm = self.hotend.reading(self.now) >= self.coldest_extrusion
+        warm = self.hotend.sensor_reading(self.now) >= self.coldest_extrusion
         # A heater approaches its target monotonically, so it cannot drop below the limit unless it is broken.
         self.hot = warm and self.hotend.target >= self.coldest_extrusion and not self.hotend.has_fault
         return warm

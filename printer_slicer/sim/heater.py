@@ -98,14 +98,14 @@ class Heater:
         self.peak = max(self.peak, self._temperature)
         return self._temperature
 
-    def reading(self, now: float) -> float:
+    def sensor_reading(self, now: float) -> float:
         """Return the reading of the sensor, °C, at the time `now`, s."""
         temperature = self.temperature(now)
         return temperature if self.stuck_at is None else self.stuck_at
 
     def power_ratio(self, now: float) -> float:
         """Return the power at the time `now`, s, as a fraction of full power."""
-        return self._demanded_power(self.reading(now)) / self.spec.power
+        return self._demanded_power(self.sensor_reading(now)) / self.spec.power
 
     def set_target(self, target: float, now: float) -> None:
         """Set the target, °C, at `now`, s; 0 switches the heater off."""

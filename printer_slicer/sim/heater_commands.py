@@ -78,7 +78,7 @@ def _set_target_and_wait(state: FirmwareState, heater: Heater, command: Command)
     cools_too = command.value("S") is None
     if not _set_target(state, heater, command, "SR"):
         return None
-    if not cools_too and heater.reading(state.now) > heater.target:
+    if not cools_too and heater.sensor_reading(state.now) > heater.target:
         return None
     return _wait_for_target(state, heater)
 
@@ -93,7 +93,7 @@ def _wait_for_target(state: FirmwareState, heater: Heater) -> Steps:
     state.motion_queue.expects_stop = True
     fault_changes, arrives, done = state.heaters.fault_changes, *_estimate_wait(heater, began, began)
     report = began
-    before = heater.reading(began)
+    before = heater.sensor_reading(began)
     check = began + COOLING_CHECK_SECONDS if before > heater.target else inf
     while state.waiting:
         if state.heaters.fault_changes != fault_changes:
@@ -107,7 +107,7 @@ def _wait_for_target(state: FirmwareState, heater: Heater) -> Steps:
             report += REPORT_INTERVAL
         if state.now >= check:
             check += COOLING_CHECK_SECONDS
-            before, last = heater.reading(state.now), before
+            before, last = heater.sensor_reading(state.now), before
             if last - before < MIN_COOLING:
                 break
         if state.now >= done:
@@ -129,14 +129,14 @@ def _send_wait_report(state: FirmwareState, rest: str) -> None:
     if language == "klipper":
         state.send_report(state.format_temperature_report())
     elif language == "virtual":
-        state.send_report(f"T:{state.hotend.reading(state.now):.2f}")
+        state.send_report(f"T:{state.hotend.sensor_reading(state.now):.2f}")
     else:
         state.send_report(f" {state.format_temperature_report()} W:{rest}")
 
 
 def _estimate_arrival(heater: Heater, now: float) -> float:
     """Return the time, s, at which the sensor reading gets near the target; infinite for never."""
-    missing = heater.target - heater.reading(now)
+    missing = heater.target - heater.sensor_reading(now)
     window = heater.spec.window
     if abs(missing) < window:
         return now

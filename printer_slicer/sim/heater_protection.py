@@ -84,7 +84,7 @@ class HeaterProtection:
     def check(self, now: float) -> str:
         """Return the error of the heater at `now`, s; empty if there is no error."""
         heater, spec = self._heater, self._spec
-        reading = heater.reading(now)
+        reading = heater.sensor_reading(now)
         if reading > heater.spec.highest + spec.margin:
             return "MAXTEMP triggered"
         if heater.target <= 0.0:
@@ -111,7 +111,7 @@ class HeaterProtection:
         heater = self._heater
         if heater.target <= 0.0 or self.due <= now + CHECK_INTERVAL:
             return
-        reading = heater.reading(now)
+        reading = heater.sensor_reading(now)
         if reading >= heater.target - ARRIVAL_BAND:
             self._has_arrived = True
         elif self._has_arrived and reading < heater.target - self._spec.hysteresis:
@@ -120,7 +120,7 @@ class HeaterProtection:
     def _require_temperature_rise(self, now: float) -> None:
         """Start to check that the temperature rises if the target is far above it."""
         heater, spec = self._heater, self._spec
-        reading = heater.reading(now)
+        reading = heater.sensor_reading(now)
         if heater.target > 0.0 and reading < heater.target - spec.near:
             self._goal, self._watched_until = reading + spec.watch_rise, now + spec.watch_seconds
         else:

@@ -145,12 +145,12 @@ class Heaters:
 
 def _format_temperature(heater: Heater, now: float, decimals: int = 2) -> str:
     """Return the temperature and target of a heater in the format of Marlin and Klipper."""
-    return f"{heater.reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
+    return f"{heater.sensor_reading(now):.{decimals}f} /{heater.target:.{decimals}f}"
 
 
 def _format_virtual(heater: Heater, now: float) -> str:
     """Return the temperature and target of a heater in the format of OctoPrint's virtual printer."""
-    return f"{heater.reading(now):.2f}/ {heater.target:.2f}"
+    return f"{heater.sensor_reading(now):.2f}/ {heater.target:.2f}"
 
 
 def _format_power(heater: Heater, now: float) -> int:

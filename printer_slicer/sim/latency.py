@@ -47,7 +47,7 @@ class LatencyTimer:
             ticks = floor((at - self._last) / self._seconds) + 1
             self._due = max(self._last + ticks * self._seconds, at)
 
-    def release(self, now: float) -> bytes:
+    def take_arrived_bytes(self, now: float) -> bytes:
         """Return the bytes that have reached the computer until `now`, s, since the last call."""
         if self._waiting and self._due <= now:
             self._ready += self._waiting

@@ -144,7 +144,7 @@ class Cable:
                 come += part[0]
             else:
                 chip.add_bytes(*part)
-        return come if chip is None else chip.release(now)
+        return come if chip is None else chip.take_arrived_bytes(now)
 
     def next_event_time(self) -> float:
         """Return the time of the next event at either end of the cable, s; infinite without events."""

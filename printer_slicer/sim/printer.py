@@ -130,7 +130,7 @@ class SimulatedPrinter:
     @property
     def layer_count_and_height(self) -> tuple[int, float]:
         """Number of heights with extrusion, and the height of the last extrusion, mm."""
-        return self._statistics.n_layers, self._statistics.z
+        return self._statistics.n_layers, self._statistics.last_extrusion_z
 
     def interrupt(self) -> None:
         """Make the printer check for events before it starts the next line."""

@@ -84,7 +84,7 @@ def _report_firmware(state: FirmwareState, _: Command) -> None:
         state.send_line(reply)
     if not firmware.lists_capabilities:
         return
-    for name, present in firmware.capabilities(machine):
+    for name, present in firmware.list_capabilities(machine):
         state.send_line(f"Cap:{name}:{int(present)}")
     if firmware.reports_area:
         low, high = (

@@ -128,7 +128,7 @@ class SimulatedFirmware(Struct, frozen=True):
     seconds_per_line: float = 0.0
     seconds_per_byte: float = 0.0
 
-    def capabilities(self, machine: Machine) -> tuple[tuple[str, bool], ...]:
+    def list_capabilities(self, machine: Machine) -> tuple[tuple[str, bool], ...]:
         """Return the capabilities that M115 lists for a machine: name, and whether it is present."""
         known = {
             "AUTOLEVEL": machine.probe_points > 0,

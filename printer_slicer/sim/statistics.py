@@ -203,7 +203,7 @@ class Statistics:
         return len(self._layers)
 
     @property
-    def z(self) -> float:
+    def last_extrusion_z(self) -> float:
         """Height of the last extrusion, mm; -infinity before the first one."""
         return self._z if self._layers else -inf
 

@@ -154,14 +154,14 @@ def test_a_chip_passes_every_byte_in_order_within_its_time(pieces: list[tuple[fl
     chip, now, came, sent = LatencyTimer(0.016), 0.0, b"", b""
     for pause, data in pieces:
         while chip.next_event_time() <= now + pause:
-            came += chip.release(chip.next_event_time())
+            came += chip.take_arrived_bytes(chip.next_event_time())
         now += pause
         chip.add_bytes(data, now)
         sent += data
-        came += chip.release(now)
+        came += chip.take_arrived_bytes(now)
         assert len(sent) - len(came) < PACKET_BYTES
         assert sent == came or chip.next_event_time() <= now + 0.016 + 1e-9
-    came += chip.release(now + 1.0)
+    came += chip.take_arrived_bytes(now + 1.0)
 
     assert came == sent
 

@@ -222,9 +222,9 @@ def _collect_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
 def _find_layers(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
     """Return the indices of the layers in which a finding lies."""
     if finding.first:
-        return [layer for layer in finding.in_layers if 0 <= layer < levels.n_levels]
+        return [layer for layer in finding.in_layers if 0 <= layer < levels.n_layers]
     layer = levels.layer_at(finding.z) if finding.z is not None else finding.layer - 1
-    return [layer] if 0 <= layer < levels.n_levels else []
+    return [layer] if 0 <= layer < levels.n_layers else []
 
 
 def _find_requested_layer(arguments: argparse.Namespace, levels: FileLayers) -> int:
@@ -243,9 +243,9 @@ def _find_requested_layer(arguments: argparse.Namespace, levels: FileLayers) -> 
             )
         return number
     number = int(arguments.layer)
-    if not 1 <= number <= levels.n_levels:
+    if not 1 <= number <= levels.n_layers:
         raise UsageError(
-            f"--layer {number}: {arguments.gcode.name} has layers 1 to {levels.n_levels}",
+            f"--layer {number}: {arguments.gcode.name} has layers 1 to {levels.n_layers}",
             remedy="Choose one of these, or a height with --z",
         )
     return number - 1

@@ -44,14 +44,14 @@ class FileLayers(Struct, frozen=True, eq=False):
             force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
     @property
-    def n_levels(self) -> int:
+    def n_layers(self) -> int:
         """Number of layers."""
         return len(self.top)
 
     def layer_at(self, z: float) -> int:
         """Return the index of the layer at a height, mm; the lower layer where two meet; else -1."""
         index = int(np.searchsorted(self.top, z - _SAME_HEIGHT))
-        return index if z >= 0 and index < self.n_levels else -1
+        return index if z >= 0 and index < self.n_layers else -1
 
 
 class LayerExtrusions(Struct, frozen=True, eq=False):
@@ -129,13 +129,13 @@ def extrusions_of_layer(gcode: GcodeExtrusions, file_layers: FileLayers, number:
     Raises:
         ValueError: there is no such layer.
     """
-    if not 0 <= number < file_layers.n_levels:
-        raise ValueError(f"layer {number} is not in the file, which has {file_layers.n_levels} layers")
+    if not 0 <= number < file_layers.n_layers:
+        raise ValueError(f"layer {number} is not in the file, which has {file_layers.n_layers} layers")
     selected: Bool = file_layers.level == number
     leads_to_selected = np.append(selected, False)[gcode.before]
     return LayerExtrusions(
         number=number,
-        count=file_layers.n_levels,
+        count=file_layers.n_layers,
         top=float(file_layers.top[number]),
         height=float(file_layers.top[number] - file_layers.bottom[number]),
         beads=file_layers.beads.take(selected),

@@ -147,7 +147,7 @@ def coverage_of(
     body = printed_body(
         covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4
     )
-    inner, area_to_fill = _inside_shell(sections, stack, depth, open_to_air)
+    inner, area_to_fill = _areas_inside_shell(sections, stack, depth, open_to_air)
     split_of_part, volume = of_part[source], split_stack.beads.volume
     return Coverage(
         rules=rules,
@@ -202,7 +202,9 @@ def _measure_outline(sections: Areas, body: Areas, stack: Stack, rules: Coverage
     return measure_outline_distances(part, printed, _MAX_ISLAND_SQUARES * stack.beads.usual_width**2)
 
 
-def _inside_shell(sections: Areas, stack: Stack, depth: float, open_to_air: Areas) -> tuple[Areas, Float]:
+def _areas_inside_shell(
+    sections: Areas, stack: Stack, depth: float, open_to_air: Areas
+) -> tuple[Areas, Float]:
     """Return the areas inside the shell, and how much area the shell should fill in each layer (L,), mm²."""
     # Extrusions with rounded sides do not fill their outline completely; inner perimeters fill the rest.
     inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
@@ -218,7 +220,7 @@ def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
     """
     inside_sides = offset(sections, -bead.side_loss(stack.height))
     width = stack.beads.usual_width
-    if depth < _MIN_INNER_DEPTH * width or stack.spiral:
+    if depth < _MIN_INNER_DEPTH * width or stack.is_spiral:
         return inside_sides
     return union(inside_sides, offset_open(sections, _MIN_INNER_DEPTH * width))
 

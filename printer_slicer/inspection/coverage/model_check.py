@@ -303,7 +303,7 @@ def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
     if (deposit.beads.purpose[coverage.of_part] == Purpose.UNKNOWN).all():
         depth = "a shell of two lines is assumed (set it with `shell`)"
         yield f"the file does not name roles: {depth}"
-    if stack.spiral:
+    if stack.is_spiral:
         yield "spiral vase: every turn counts as a layer; the first and the last are not checked"
     volume = stack.beads.volume
     beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT_MATERIAL)].sum())

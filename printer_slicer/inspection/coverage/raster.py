@@ -85,7 +85,7 @@ def choose_cell_width(low: Float, high: Float) -> float:
 
 
 def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
-    """Return how many times full of material each cell (deep, wide) is; 1 is exactly full.
+    """Return how many times material fills each cell (deep, wide); 1 means exactly full.
 
     Sloped extrusions count by the share of the layer height that they fill.
 

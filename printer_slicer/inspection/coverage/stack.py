@@ -91,7 +91,7 @@ class Stack(Struct, frozen=True, eq=False):
         return np.asarray(found)
 
     @property
-    def spiral(self) -> bool:
+    def is_spiral(self) -> bool:
         """Whether the print is a spiral vase."""
         return 2 * int(self.has_rising_z.sum()) > self.n_layers
 
@@ -99,7 +99,7 @@ class Stack(Struct, frozen=True, eq=False):
     def is_spiral_end(self) -> Bool:
         """Mask (L,) of the first and last turn of a spiral vase, whose height starts or ends at 0."""
         result = np.zeros(self.n_layers, np.bool_)
-        if self.spiral:
+        if self.is_spiral:
             result[np.flatnonzero(self.has_rising_z)[[0, -1]]] = True
         return result
 

@@ -66,7 +66,7 @@ def shell_depth(stack: Stack, sections: Areas) -> float:
     It depends on the position of centre lines, not on volume: too little material does not make the shell thinner.
     """
     beads, layer = stack.beads, stack.layer
-    if stack.spiral:
+    if stack.is_spiral:
         return _spiral_wall_thickness(stack, sections)
     walls = np.flatnonzero(np.isin(beads.purpose, _WALLS) & (layer >= 0))
     if not len(walls):

@@ -164,12 +164,14 @@ class HeightMap:
                 missing = missing[~found]
         return result
 
-    def add_extrusions(self, pieces: MovePieces, sideways: Float, width: Float, *, removable: bool) -> None:
+    def add_extrusions(
+        self, pieces: MovePieces, perpendicular: Float, width: Float, *, removable: bool
+    ) -> None:
         """Raise the height map to these pieces of extrusions.
 
         Args:
             pieces: the pieces.
-            sideways: (n, 2) unit vector perpendicular to each move.
+            perpendicular: (n, 2) unit vector at right angles to each move.
             width: (n,) mm, width of each move.
             removable: whether the extrusions are removed after the print, such as supports.
         """
@@ -179,7 +181,7 @@ class HeightMap:
         for k in range(most + 1):
             layer_pieces = pieces if k <= least else pieces.take(np.flatnonzero((rows >= k)[pieces.move]))
             step = np.where(rows > 0, k / np.maximum(rows, 1) - 0.5, 0.0) * spread
-            cell = self.cells(layer_pieces.shift(sideways * step[:, None]))
+            cell = self.cells(layer_pieces.shift(perpendicular * step[:, None]))
             np.maximum.at(self._top, cell, layer_pieces.z.astype(np.float32))
             self._removable[cell] = removable
         self._top[self._outside], self._removable[self._outside] = 0.0, False
@@ -274,8 +276,8 @@ class LevelMoves(Struct, frozen=True, eq=False):
         return np.asarray(2.0 * np.sqrt(self.volume / np.maximum(self.xy_length, NEGLIGIBLE) / pi))
 
     @property
-    def sideways(self) -> Float:
-        """Unit vector (n, 2) perpendicular to each move."""
+    def perpendicular(self) -> Float:
+        """Unit vector (n, 2) at right angles to each move."""
         way = (self.end - self.start)[:, :2] / np.maximum(self.xy_length, NEGLIGIBLE)[:, None]
         return np.stack([-way[:, 1], way[:, 0]], axis=1)
 

@@ -86,7 +86,9 @@ def add_to_height_map(
     for is_removable in (True, False):
         selected = np.flatnonzero(removable == is_removable)
         if len(selected):
-            height_map.add_extrusions(pieces.take(selected), moves.sideways, width, removable=is_removable)
+            height_map.add_extrusions(
+                pieces.take(selected), moves.perpendicular, width, removable=is_removable
+            )
 
 
 def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> Bool:

@@ -138,7 +138,7 @@ def find_missing_material(job: Job, profile: Profile, deposition: Deposition) ->
     planned = _planned_volumes(job, profile)
     numbered = [one for one in deposition.layers if one.number]
     if planned:
-        yield from _find_short_layers(numbered, planned)
+        yield from _find_layers_lacking_material(numbered, planned)
     else:
         yield from _find_thinning(job, numbered)
 
@@ -156,7 +156,9 @@ def find_clog(job: Job, profile: Profile, deposition: Deposition, missing: float
         return
     what = f"from here on {missing:.1f} mm of filament were fed but did not come out (clog or empty spool)"
     short = next(
-        _find_short_layers([one for one in deposition.layers if one.number], _planned_volumes(job, profile)),
+        _find_layers_lacking_material(
+            [one for one in deposition.layers if one.number], _planned_volumes(job, profile)
+        ),
         None,
     )
     what += f"; {short.fault.message}" if short is not None else ""
@@ -200,7 +202,7 @@ def _planned_volumes(job: Job, profile: Profile) -> dict[int, float]:
     return dict(enumerate(np.bincount(layer_index, beads.volume).tolist(), 1))
 
 
-def _find_short_layers(
+def _find_layers_lacking_material(
     layers: Sequence[LayerDeposition], planned: Mapping[int, float]
 ) -> Iterator[ExtrusionFault]:
     """Find layers with less material than planned; report the first of them."""

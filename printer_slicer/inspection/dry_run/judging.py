@@ -144,7 +144,7 @@ def judge(
     """
     deposition, targets, link, end, total_seconds = seen or RunContext()
     waited = report.homing_seconds + report.heating_seconds
-    start_heights = set(_start_heights(job))
+    start_heights = set(_heights_of_start_gcode(job))
     found = [*start_macro_note(job, profile), *firmware_faults(job, report, comparison)]
     if deposition is not None:
         found = _add_material_faults(job, profile, report, comparison, (deposition, found))
@@ -223,14 +223,14 @@ def _has_planned_heights(job: Job, extruded: tuple[float, ...]) -> bool:
     if job.program is None or job.program.climbs:
         return True
     # The start G-code consists of the commands before the first layer comment.
-    primed = set(_start_heights(job))
+    primed = set(_heights_of_start_gcode(job))
     planned = [round(float(z), 4) for z in job.program.plan.top[job.program.printed]]
     return set(extruded) - primed <= set(planned) and [z for z in extruded if z not in primed] == [
         z for z in planned if z not in primed
     ]
 
 
-def _start_heights(job: Job) -> list[float]:
+def _heights_of_start_gcode(job: Job) -> list[float]:
     """Return the z values at which the start G-code extrudes."""
     first = min(job.marks, default=0)
     return read_moves(job.commands[:first]).heights()

@@ -21,7 +21,7 @@ from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.printer_macros import match_start_macro
 from printer_slicer.values import Struct, field
 
-__all__ = ["Readiness"]
+__all__ = ["ReadinessChecker"]
 
 _AXES: Final = "XYZ"
 _HARMLESS_LIFT: Final = 10.0  # mm, upwards
@@ -66,7 +66,7 @@ class _Problem(Struct):
     count: int
 
 
-class Readiness:
+class ReadinessChecker:
     """Checks that a job homes and heats before it moves; process all commands first, then check moves.
 
     Args:

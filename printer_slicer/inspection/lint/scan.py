@@ -19,7 +19,7 @@ from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.motion import MoveChecker
-from printer_slicer.inspection.lint.readiness import Readiness
+from printer_slicer.inspection.lint.readiness import ReadinessChecker
 from printer_slicer.inspection.lint.syntax import describe_lower_case_fault, describe_number_faults
 from printer_slicer.inspection.lint.table import RULES, Rule
 from printer_slicer.jobs import Job, JobSummary, split_sendable
@@ -71,7 +71,7 @@ def scan(
         moves = read_moves_in_pieces(commands, profile.printer.corners[0], dialect)
     found: dict[_ProblemKey, Diagnostic] = {}
     factors: list[tuple[int, float]] = []
-    heat, readiness = HeaterRules(profile), Readiness(profile.printer.flavour)
+    heat, readiness = HeaterRules(profile), ReadinessChecker(profile.printer.flavour)
     for index, line in _find_unusual_commands(commands):
         for command in read_commands(line):
             readiness.process_command(index, command)

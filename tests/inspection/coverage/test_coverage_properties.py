@@ -216,7 +216,7 @@ def test_a_spiral_holds_what_its_wall_needs_however_it_slopes(slope: float, shar
     stack, around = spiral(slope, share)
     coverage = coverage_of(stack, around)
 
-    assert stack.spiral
+    assert stack.is_spiral
     # Where every wall slopes, how thick they are is only known from what they hold.
     known = share if abs(slope) < 0.05 else max(share, 1.0)
     assert coverage.fill.shell[1:-1] == pytest.approx(np.full(stack.n_layers - 2, known), abs=0.04)

@@ -31,7 +31,7 @@ def square(z: float, height: float = 0.2, at: float = 0.0) -> list[str]:
 
 def sheets(*lines: str) -> list[LayerExtrusions]:
     deposit, levels = read(*lines)
-    return [extrusions_of_layer(deposit, levels, number) for number in range(levels.n_levels)]
+    return [extrusions_of_layer(deposit, levels, number) for number in range(levels.n_layers)]
 
 
 def test_every_layer_of_a_part_is_a_sheet_with_its_beads() -> None:
@@ -89,7 +89,7 @@ def test_a_file_of_supports_alone_has_their_layers() -> None:
 
 
 def test_a_file_that_lays_nothing_has_no_layers() -> None:
-    assert read("G1 X5 Y5")[1].n_levels == 0
+    assert read("G1 X5 Y5")[1].n_layers == 0
 
 
 def test_a_line_that_primes_the_nozzle_makes_no_layer() -> None:
@@ -139,7 +139,7 @@ def test_a_file_of_ours_has_the_layers_of_its_program_raft_included() -> None:
     levels = file_layers_of(deposit, stack_extrusions(deposit.beads))
 
     assert levels.top == pytest.approx(program.plan.top, abs=1e-3)
-    for number in range(levels.n_levels):
+    for number in range(levels.n_layers):
         sheet = extrusions_of_layer(deposit, levels, number)
         own = (program.layer == number) & (program.role != Role.TRAVEL)
         length = float(np.hypot(*(program.xyz - program.start)[own, :2].T).sum())

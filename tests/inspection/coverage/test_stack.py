@@ -130,7 +130,7 @@ def spiral(turns: int, height: float = 0.2, low: float = 0.4) -> list[str]:
 def test_every_turn_of_a_spiral_is_a_layer() -> None:
     stack = read(*loop(0.2), *loop(0.4), "G0 X20 Y10", *spiral(10))
 
-    assert stack.spiral
+    assert stack.is_spiral
     assert stack.top.tolist() == pytest.approx([0.2, 0.4, *(0.5 + 0.2 * k for k in range(10))])
     assert stack.beads.height == pytest.approx(np.full(stack.beads.n_beads, 0.2))
     assert np.bincount(stack.layer).tolist() == [4, 4, *[48] * 10]
