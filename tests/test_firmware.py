@@ -21,7 +21,7 @@ from printer_slicer.firmware import (
 )
 from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_FORMATS
-from printer_slicer.gcode.lexer import parse, parse_extended
+from printer_slicer.gcode.lexer import parse, parse_extended_command
 from printer_slicer.sim.dialect_commands import DIALECT_COMMANDS
 from printer_slicer.sim.firmwares import KLIPPER, MARLIN_2_1, SIMULATED_FIRMWARES
 from printer_slicer.sim.printer import SimulatedPrinter
@@ -59,7 +59,7 @@ def test_commands_of_each_row_can_be_parsed(name: str) -> None:
     dialect, firmware = FIRMWARES[name].dialect, FIRMWARES[name]
     pause = (
         parse(dialect.pause.encode())[0]
-        or parse_extended(dialect.pause.encode())[0]
+        or parse_extended_command(dialect.pause.encode())[0]
         or dialect.pause.upper().encode()
     )
 

@@ -11,7 +11,7 @@ from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from printer_slicer.gcode.labels import LABEL_FORMATS
-    from printer_slicer.gcode.moves import Moves, Timer, changed_limits
+    from printer_slicer.gcode.moves import Moves, Timer, apply_limit_change
     from printer_slicer.gcode.reader import read_moves, read_moves_in_pieces
     from printer_slicer.gcode.writer import write_gcode
 
@@ -19,7 +19,7 @@ __all__ = [
     "LABEL_FORMATS",
     "Moves",
     "Timer",
-    "changed_limits",
+    "apply_limit_change",
     "read_moves",
     "read_moves_in_pieces",
     "write_gcode",
@@ -29,7 +29,7 @@ _HOMES: Final = {
     "LABEL_FORMATS": "labels",
     "Moves": "moves",
     "Timer": "moves",
-    "changed_limits": "moves",
+    "apply_limit_change": "moves",
     "read_moves_in_pieces": "reader",
     "read_moves": "reader",
     "write_gcode": "writer",

@@ -1,6 +1,6 @@
 """The table of G-code commands and their effects, for all code that reads, sends or checks G-code.
 
-Code that needs a class of commands (those that wait, heat, move or set a mode) takes it from this table, so that all
+Code that needs one kind of command (commands that wait, heat, move or set a mode) takes it from this table, so that all
 parts of the program agree. Differences between firmwares are in `firmware`.
 
 Sources: Marlin's G-code index, Duet3D's G-code dictionary, Klipper's G-Codes, Smoothieware's supported G-codes,
@@ -21,9 +21,9 @@ __all__ = [
     "CommandRow",
     "Effect",
     "HeaterName",
-    "commands_that",
-    "heater_of",
-    "names_that",
+    "find_codes",
+    "find_codes_as_text",
+    "find_heater",
     "takes_text",
 ]
 
@@ -31,10 +31,10 @@ HeaterName: TypeAlias = Literal["nozzle", "bed", "chamber"]
 
 
 class Effect(Flag):
-    """The effects of a command, which may have several.
+    """The effects that a command can have; one command may have several.
 
     Attributes:
-        MOVES: moves to the position in its words.
+        MOVES: moves to the position that its words state.
         ARC: moves along an arc.
         MOVES_UNSEEN: moves to a position that only the machine knows.
         HOMES: homes axes.
@@ -48,10 +48,10 @@ class Effect(Flag):
         WAITS: is acknowledged after all earlier moves have finished.
         WAITS_FOR_HEAT: is acknowledged after heaters have reached their targets.
         WAITS_FOR_PERSON: is acknowledged after a person has confirmed it.
-        ENDED_BY_M108: M108 ends its wait.
+        ENDED_BY_M108: waits until M108 ends the wait.
         RUNS_MACRO: runs a macro of the printer.
         REPEATABLE: has the same effect if it is sent twice.
-        STICKY: sets a value that lasts until the printer restarts; its words hold all of it.
+        STICKY: sets a value that lasts until the printer restarts; its words state the whole value.
         TAKES_TEXT: takes free text.
     """
 
@@ -81,9 +81,9 @@ class CommandRow(Struct, frozen=True):
     """The effects of one command.
 
     Attributes:
-        effect: its effects.
-        heater: the heater whose target it sets.
-        seconds: maximum time that it takes by itself, after earlier moves have finished.
+        effect: effects of the command.
+        heater: the heater whose target temperature the command sets.
+        seconds: maximum time of the command itself, s, counted from the end of all earlier moves.
     """
 
     effect: Effect
@@ -92,7 +92,7 @@ class CommandRow(Struct, frozen=True):
 
 
 # Maximum times of commands, s.
-_PROBING: Final = 600.0  # and of homing
+_PROBING: Final = 600.0  # probing and homing
 _LEVELLING: Final = 1200.0
 _HEATING: Final = 1800.0
 
@@ -152,18 +152,18 @@ TABLE: Final[Mapping[bytes, CommandRow]] = {
 """Commands by code, or by name in upper case; commands that are not listed have no effect that matters here."""
 
 
-def commands_that(effect: Effect) -> frozenset[bytes]:
+def find_codes(effect: Effect) -> frozenset[bytes]:
     """Return the codes of the commands that have at least one of these effects."""
     return frozenset(code for code, row in TABLE.items() if row.effect & effect)
 
 
-def names_that(effect: Effect) -> frozenset[str]:
+def find_codes_as_text(effect: Effect) -> frozenset[str]:
     """Return the codes of the commands that have at least one of these effects, as text."""
-    return frozenset(code.decode() for code in commands_that(effect))
+    return frozenset(code.decode() for code in find_codes(effect))
 
 
-def heater_of(code: str) -> HeaterName | None:
-    """Return the heater whose target a command sets, None if it sets none."""
+def find_heater(code: str) -> HeaterName | None:
+    """Return the heater whose target temperature a command sets; None if the command sets none."""
     row = TABLE.get(code.encode())
     return row.heater if row else None
 

@@ -103,7 +103,7 @@ def _round_to_tuple(values: Float) -> tuple[float, ...]:
 
 
 def _collect_settings(profile: Profile) -> dict[str, Value]:
-    """Return all settings in use except macros; a speed named without a section is that of the quality."""
+    """Return all settings in use except macros; a speed name without a section means the speed of the quality."""
     known: dict[str, Value] = {}
     for key, value in settings_text(profile.resolved):
         owner, _, name = key.partition(".")
@@ -122,9 +122,9 @@ def collect_layer_facts(program: Program, layer: int, filament: float, seconds: 
 
     Args:
         program: the moves.
-        layer: its index, from 0.
-        filament: filament extruded before it, mm.
-        seconds: estimated time of the moves before it.
+        layer: index of the layer, from 0.
+        filament: filament extruded before the layer, mm.
+        seconds: estimated time of the moves before the layer.
     """
     plan = program.plan
     top = round(float(plan.top[layer]), _DECIMALS)

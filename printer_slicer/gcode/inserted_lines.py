@@ -13,14 +13,14 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, distinct, run_starts, unique_inverse
 from printer_slicer.errors import ProfileError
 from printer_slicer.firmware import Dialect
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.facts import collect_layer_facts
 from printer_slicer.gcode.labels import (
     Marking,
     ObjectMark,
     format_start_labels,
     format_stop_labels,
-    place_outside_objects,
+    move_lines_outside_objects,
 )
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.move_text import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, MoveText
@@ -37,7 +37,7 @@ __all__ = [
     "WriteContext",
     "collect_insertions",
     "find_firmware_retractions",
-    "find_timed_macros",
+    "find_macros_that_take_time",
     "format_extrusion_comments",
     "format_fan",
     "format_first_progress",
@@ -46,8 +46,8 @@ __all__ = [
 
 # The role names of PrusaSlicer's and OrcaSlicer's viewers.
 TYPE_NAMES: Final[dict[Role, str]] = {role: ROLES[role].type_comment for role in Role if role != Role.TRAVEL}
-_MOVING: Final = commands_that(Effect.MOVES | Effect.HOMES)
-_MODES: Final = commands_that(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
+_MOVING: Final = find_codes(Effect.MOVES | Effect.HOMES)
+_MODES: Final = find_codes(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
 _TIMED: Final = _MOVING | {b"G4"}
 _ROUNDING_MARGIN: Final = 1e-9  # keeps rounding from making the last percent 99
 _PROGRESS_INTERVAL: Final = 5.0  # s: minimum time between updates of the percentage
@@ -65,7 +65,7 @@ class WriteContext(Struct, frozen=True, eq=False):
         begins: (K + 1,) estimated start time of each move, s, counted from the start G-code; the last entry is the end
             of the print. Zeros if unknown.
         marking: labelled objects and the label format; None: no labels.
-        shared: global variables of macros after the start G-code.
+        shared: global variables of macros, with their values after the start G-code.
     """
 
     program: Program
@@ -90,7 +90,7 @@ def read_macro(profile: Profile, name: str) -> Template:
 def collect_insertions(
     context: WriteContext, rows: MoveText, retractions: Int, marks: list[ObjectMark]
 ) -> dict[int, list[str]]:
-    """Collect the lines before each move and after the last one, except those of `format_extrusion_comments`.
+    """Collect the lines before each move and after the last one, but not the comments of `format_extrusion_comments`.
 
     Args:
         context: inputs of the file.
@@ -107,8 +107,8 @@ def collect_insertions(
     sources = (
         format_stop_labels(marks, marking, rows, relative=relative) if marking else (),
         _repeat_last_changes(context, marks),
-        place_outside_objects(iter(layers), marks),
-        place_outside_objects(_format_events(context), marks),
+        move_lines_outside_objects(iter(layers), marks),
+        move_lines_outside_objects(_format_events(context), marks),
         format_start_labels(marks, marking) if marking else (),
         arrivals,
         _format_progress_updates(context),
@@ -121,11 +121,14 @@ def collect_insertions(
 
 
 def _render_layer_macros(context: WriteContext, rows: MoveText) -> tuple[list[_Insertion], list[_Insertion]]:
-    """Return the lines of layer changes and of arrivals; macros run in print order, because they share globals."""
+    """Return the lines before each layer, and those after the nozzle has reached the height of each layer.
+
+    Macros are evaluated in print order, because they share global variables.
+    """
     shared = dict(context.shared)
     found: tuple[list[_Insertion], list[_Insertion]] = [], []
     layers = ((found[0], note) for note in _format_layer_changes(context, rows, shared))
-    arrivals = ((found[1], note) for note in _format_arrivals(context, rows, shared))
+    arrivals = ((found[1], note) for note in _format_layer_start_macros(context, rows, shared))
     for notes, note in merge(layers, arrivals, key=lambda one: one[1][0]):
         notes.append(note)
     return found
@@ -136,7 +139,7 @@ def _format_layer_changes(
 ) -> Iterator[_Insertion]:
     """Yield the comments and the macro before every layer change."""
     program, template = context.program, read_macro(context.profile, "before_layer_gcode")
-    height = _find_first_heights(program)
+    height = _find_first_extrusion_heights(program)
     for move in np.flatnonzero(run_starts(program.layer)).tolist():
         layer = int(program.layer[move])
         yield (
@@ -147,12 +150,14 @@ def _format_layer_changes(
                 f";HEIGHT:{format_number(float(height[layer]))}",
                 ";BEFORE_LAYER_CHANGE",
                 f";{format_number(float(program.plan.top[layer]))}",
-                *_render_in_layer(template, context, rows, move, layer, shared),
+                *_render_macro_before_move(template, context, rows, move, layer, shared),
             ],
         )
 
 
-def _format_arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Value]) -> Iterator[_Insertion]:
+def _format_layer_start_macros(
+    context: WriteContext, rows: MoveText, shared: dict[str, Value]
+) -> Iterator[_Insertion]:
     """Yield the pause and the macro of each layer, after the move with which the nozzle reaches the layer's height."""
     program = context.program
     template = read_macro(context.profile, "layer_gcode")
@@ -166,12 +171,16 @@ def _format_arrivals(context: WriteContext, rows: MoveText, shared: dict[str, Va
     arrived = np.flatnonzero(high)
     arrived = arrived[run_starts(program.layer[arrived])]
     for layer, place in zip(program.layer[arrived].tolist(), arrived.tolist(), strict=True):
-        lines = _render_in_layer(pause, context, rows, place + 1, layer, shared) if layer in pauses else []
-        yield place + 1, lines + _render_in_layer(template, context, rows, place + 1, layer, shared)
+        lines = (
+            _render_macro_before_move(pause, context, rows, place + 1, layer, shared)
+            if layer in pauses
+            else []
+        )
+        yield place + 1, lines + _render_macro_before_move(template, context, rows, place + 1, layer, shared)
 
 
-def find_timed_macros(context: WriteContext, rows: MoveText) -> Iterator[_Insertion]:
-    """Yield the layer and pause macros that take time: with moves, homing or dwells."""
+def find_macros_that_take_time(context: WriteContext, rows: MoveText) -> Iterator[_Insertion]:
+    """Yield the layer and pause macros that take time, because they move, home or dwell."""
     names = "before_layer_gcode", "layer_gcode"
     if (
         all(read_macro(context.profile, name).is_empty for name in names)
@@ -208,22 +217,24 @@ def _find_pause_layers(context: WriteContext) -> set[int]:
     return pauses
 
 
-def _render_in_layer(  # noqa: PLR0917 - position and inputs
+def _render_macro_before_move(  # noqa: PLR0917 - position and inputs
     template: Template, context: WriteContext, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
 ) -> list[str]:
-    """Evaluate a macro that runs before a move; append lines that restore the printer's state."""
+    """Return the lines of a macro that runs before a move, and lines that restore the printer's state after it."""
     if template.is_empty:
         return []
     filament = float(rows.fed[move - 1]) / 10**E_DECIMALS if move else 0.0
     facts = collect_layer_facts(context.program, layer, filament, float(context.begins[move]))
     lines = template.render(context.known | dict(facts), shared)
-    return lines + _restore_state(lines, context, rows, move)
+    return lines + _format_restoring_commands(lines, context, rows, move)
 
 
-def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move: int) -> list[str]:
+def _format_restoring_commands(
+    lines: list[str], context: WriteContext, rows: MoveText, move: int
+) -> list[str]:
     """Return commands that restore modes, position and speed if a macro may have changed them.
 
-    Each row holds only the words that differ from the row before, so it depends on the state after that row.
+    Each row of a move holds only the words that differ from the previous row, so the state after that row must return.
     """
     codes = _find_codes(lines)
     if not codes & (_MOVING | _MODES):
@@ -242,7 +253,7 @@ def _restore_state(lines: list[str], context: WriteContext, rows: MoveText, move
 
 
 def _repeat_last_changes(context: WriteContext, marks: list[ObjectMark]) -> Iterator[_Insertion]:
-    """Yield again, after each object, its last changes of fan and acceleration, in case the object is cancelled."""
+    """Yield, after each object, its last fan and acceleration commands again, in case the object is cancelled."""
     changes = [event for event in context.program.events if isinstance(event, Fan | Acceleration)]
     start = 0
     for mark in marks:
@@ -256,7 +267,7 @@ def _repeat_last_changes(context: WriteContext, marks: list[ObjectMark]) -> Iter
 
 
 def _format_events(context: WriteContext) -> Iterator[_Insertion]:
-    """Yield the lines of fans, heaters, accelerations and other events."""
+    """Yield the lines that change fans, heaters, accelerations and other states."""
     for event in context.program.events:
         yield event.index, _format_event(event, context)
 
@@ -317,7 +328,7 @@ def _format_progress_updates(context: WriteContext) -> Iterator[_Insertion]:
 
 
 def _format_retractions(retractions: Int) -> Iterator[_Insertion]:
-    """Yield G10 and G11 in place of moves that only the extruder makes."""
+    """Yield G10 and G11, which replace moves of the extruder alone."""
     for move in np.flatnonzero(retractions).tolist():
         yield move, ["G10" if retractions[move] < 0 else "G11"]
 
@@ -326,7 +337,7 @@ def find_firmware_retractions(program: Program, profile: Profile) -> Int:
     """Return -1 for each move (K,) that G10 replaces, 1 for each that G11 replaces, and 0 for all others.
 
     The firmware has one retraction length. If lengths differ, or retractions and deretractions do not alternate, all
-    are 0 and stay E words.
+    entries are 0, and retractions are written as moves with E words.
     """
     none = np.zeros(program.n_moves, np.int64)
     if not profile.printer.firmware_retraction:
@@ -346,7 +357,7 @@ def find_firmware_retractions(program: Program, profile: Profile) -> Int:
 
 
 def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
-    """Format comments where role, width or height of extrusions changes.
+    """Format the comments that announce a new role, width or height of extrusions.
 
     Returns:
         Moves (n,) before which the comments stand, and n comments. Extrusions of variable width change at every
@@ -356,7 +367,7 @@ def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
     role, width, thick = program.role[beads], program.width[beads], _find_comment_heights(program, beads)
     new_role = np.diff(role, prepend=-1) != 0
     new_width = np.diff(width, prepend=-1.0) != 0
-    of_layer, first_of_layer = program.layer[beads], _find_first_heights(program)
+    of_layer, first_of_layer = program.layer[beads], _find_first_extrusion_heights(program)
     begins = np.diff(of_layer, prepend=-1) > 0
     usual = np.where(begins, first_of_layer[of_layer], np.append(0.0, thick[:-1]))
     new_height = thick != usual  # layer changes have comments of their own
@@ -385,7 +396,7 @@ def _number_distinct_values(values: Float, chosen: Bool) -> tuple[list[float], I
     return different.tolist(), result
 
 
-def _find_first_heights(program: Program) -> Float:
+def _find_first_extrusion_heights(program: Program) -> Float:
     """Return the height of the first extrusion of each layer (L,); above a raft gap it is below the layer height."""
     height = program.plan.height
     beads = np.flatnonzero(program.role != Role.TRAVEL)
@@ -395,6 +406,6 @@ def _find_first_heights(program: Program) -> Float:
 
 
 def _find_comment_heights(program: Program, beads: Int) -> Float:
-    """Return the heights of extrusions for comments (n,); extrusions that rise have the height of their layer."""
+    """Return the heights (n,) of extrusions for comments; an extrusion with rising z gets the height of its layer."""
     climbs = np.abs(program.xyz[beads, 2] - program.start[beads, 2]) > 1e-9
     return np.where(climbs, program.plan.height[program.layer[beads]], program.height[beads])

@@ -1,8 +1,8 @@
 """Label the moves of each object, so that one object can be cancelled while the others are printed.
 
-A printer that cancels an object skips everything between its start and stop labels. So both labels stand where the
-filament is retracted and the nozzle lifted, or both where it is not. The first row after each label repeats x, y, z and
-speed; with absolute extrusion, G92 sets E.
+A printer that cancels an object skips everything between its start and stop labels. So the filament must be retracted
+and the nozzle lifted at both labels, or at neither. The first row after each label repeats x, y, z and speed; with
+absolute extrusion, G92 sets E.
 
 Sources: OctoPrint's Cancel Objects and PrusaSlicer (`; printing object`); Duet3D's and Marlin's M486; Klipper's
 [exclude_object].
@@ -33,10 +33,10 @@ __all__ = [
     "choose_marking",
     "find_moves_after_labels",
     "find_object_changes",
-    "format_definitions",
+    "format_object_definitions",
     "format_start_labels",
     "format_stop_labels",
-    "place_outside_objects",
+    "move_lines_outside_objects",
 ]
 
 
@@ -44,9 +44,10 @@ class LabelFormat(Struct, frozen=True):
     """A format of object labels.
 
     Attributes:
-        define: formats the definitions before the first move, from names and bounding boxes (O, 2, 2) in x and y.
-        start: formats a start label, from number, name, and whether it is the object's first.
-        stop: formats a stop label, from number and name.
+        define: formats the lines before the first move that define all objects, from the names and the bounding boxes
+            (O, 2, 2) in x and y.
+        start: formats a start label, from the object's number and name, and whether it is the object's first label.
+        stop: formats a stop label, from the object's number and name.
     """
 
     define: Callable[[tuple[str, ...], Float], list[str]]
@@ -99,15 +100,15 @@ def choose_marking(profile: Profile, dialect: Dialect, labels: Labels | None) ->
     return labels, LABEL_FORMATS[{"auto": dialect.labels, "m486": dialect.m486}.get(asked, asked)]
 
 
-def format_definitions(marks: Marking | None) -> list[str]:
-    """Format the definitions before the first move."""
+def format_object_definitions(marks: Marking | None) -> list[str]:
+    """Format the lines before the first move that define all objects; empty without labels."""
     return marks[1].define(marks[0].names, marks[0].boxes) if marks else []
 
 
 class ObjectMark(Struct, frozen=True):
-    """Labels before move `index`, where object `stop` ends and object `start` begins; -1: no object.
+    """The labels before move `index`: object `stop` ends and object `start` begins there; -1: no object.
 
-    The extrusions of object `stop` end before move `after`; those of object `start` begin with move `until`.
+    The extrusions of object `stop` end before move `after`. The extrusions of object `start` begin with move `until`.
     """
 
     index: int
@@ -118,7 +119,7 @@ class ObjectMark(Struct, frozen=True):
 
 
 def find_object_changes(program: Program, labels: Labels) -> list[ObjectMark]:
-    """Find all changes from one object to the next; every layer starts its objects anew."""
+    """Find all changes from one object to the next; an object that continues on the next layer starts again there."""
     beads = np.flatnonzero(program.role != Role.TRAVEL)
     item, layer = labels.object_id[beads], program.layer[beads]
     new = (np.diff(item, prepend=-1) != 0) | (run_starts(layer) & (item >= 0))
@@ -164,7 +165,10 @@ def find_moves_after_labels(marks: list[ObjectMark]) -> Int:
 def format_stop_labels(
     marks: list[ObjectMark], marked: Marking, rows: MoveText, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
-    """Yield stop labels; with absolute extrusion, G92 sets E for printers that have skipped the object."""
+    """Yield the lines that mark the end of each object; with absolute extrusion, also G92 E.
+
+    A printer that has skipped the object does not know E.
+    """
     labels, words = marked
     for mark in marks:
         if mark.stop < 0:
@@ -176,7 +180,7 @@ def format_stop_labels(
 
 
 def format_start_labels(marks: list[ObjectMark], marked: Marking) -> Iterator[tuple[int, list[str]]]:
-    """Yield start labels."""
+    """Yield the lines that mark the start of each object."""
     labels, words = marked
     seen: set[int] = set()
     for mark in marks:
@@ -185,10 +189,13 @@ def format_start_labels(marks: list[ObjectMark], marked: Marking) -> Iterator[tu
             seen.add(mark.start)
 
 
-def place_outside_objects(
+def move_lines_outside_objects(
     insertions: Iterator[tuple[int, list[str]]], marks: list[ObjectMark]
 ) -> Iterator[tuple[int, list[str]]]:
-    """Move lines that concern the whole plate between two objects, so that they apply if either is cancelled."""
+    """Move each insertion that lies between the extrusions of two objects to the labels between these objects.
+
+    Such lines concern the whole plate, and must be executed even if one of the objects is cancelled.
+    """
     ends = [mark.after for mark in marks]
     for index, lines in insertions:
         nth = bisect_right(ends, index) - 1

@@ -1,8 +1,8 @@
 """Split lines of G-code into line number, checksum, comment, code and words, ignoring case.
 
 Three functions share the same patterns. `parse` returns the last number of each letter, as firmware reads a command.
-`parse_extended` reads extended commands, such as Klipper's. `read_commands` returns all numbers of each letter and
-every command that some firmware may find in the line. This module does not load numpy, so the host can use it.
+`parse_extended_command` reads extended commands, such as Klipper's. `read_commands` returns all numbers of each letter
+and every command that some firmware may find in the line. This module does not load numpy, so the host can use it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = [
     "find_letters",
     "is_macro",
     "parse",
-    "parse_extended",
+    "parse_extended_command",
     "read_commands",
     "split_code",
     "split_line_number",
@@ -96,7 +96,7 @@ def parse(command: bytes) -> tuple[bytes, dict[bytes, float]]:
 
 
 def find_letters(command: bytes) -> frozenset[bytes]:
-    """Return the letters after the code of a command, such as the axes of `G28 X Y`; they may have numbers or not."""
+    """Return the letters after the code of a command, such as the axes of `G28 X Y`, with or without numbers."""
     command = command.upper()
     found = _CODE.match(command)
     return frozenset(_LETTER.findall(command, found.end())) if found else frozenset()
@@ -108,7 +108,7 @@ def split_code(line: bytes) -> tuple[bytes, bytes]:
     return (line[: found.end()], line[found.end() :]) if found else (b"", b"")
 
 
-def parse_extended(command: bytes) -> tuple[bytes, dict[bytes, float]]:
+def parse_extended_command(command: bytes) -> tuple[bytes, dict[bytes, float]]:
     """Return the name of an extended command, such as SET_PIN, in upper case, and its parameters NAME=number."""
     command = command.upper()
     found = _NAME.match(command)
@@ -131,7 +131,7 @@ class LintCommand(Struct, frozen=True):
         text: the line of the command, in upper case.
         words: letter -> all its numbers; an empty list for a letter alone.
         settings: parameters NAME=number of an extended command.
-        further: whether another command precedes it in the line.
+        further: whether another command precedes this one in the line.
         rest: text after the code up to the next command, without quoted and bracketed texts.
     """
 
@@ -142,14 +142,14 @@ class LintCommand(Struct, frozen=True):
     further: bool = False
     rest: str = ""
 
-    def largest_number(self, letters: str) -> float | None:
+    def find_largest_number(self, letters: str) -> float | None:
         """Return the largest number of the words with these letters; None if they have no numbers."""
         values = [value for letter in letters for value in self.words.get(letter, ())]
         return max(values, default=None)
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether firmwares may read its numbers differently: expressions, exponents, hexadecimals."""
+        """Whether firmwares may read the numbers of the command differently: expressions, exponents, hexadecimals."""
         return _has_ambiguous_numbers(self.text)
 
 

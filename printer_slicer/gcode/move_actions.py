@@ -69,8 +69,8 @@ class ReaderState(Struct):
         printing, travel, retract: accelerations set by the file, mm/s²; nan if not set.
         speed_ratio: feed rate factor set by M220.
         dwell: time of G4 so far, s.
-        retraction: of G10 and G11: retracted length (mm), retraction speed, deretraction speed (mm/s) and extra
-            length (mm).
+        retraction: settings of G10 and G11: retracted length (mm), retraction speed, deretraction speed (mm/s) and
+            extra length (mm).
         retracted: whether G10 came last, rather than G11.
         changes: changes of limits, as in `Moves`.
         rows: of each move: end position (3), distance in x, y, z, e (4), speed, acceleration, command, tool.
@@ -111,8 +111,8 @@ class ReaderState(Struct):
         return self.counting.has_relative_e
 
     @property
-    def unit_e(self) -> float:
-        """Length of filament that E1 feeds, mm; with M200, E counts mm³ or cubic inches."""
+    def filament_per_e(self) -> float:
+        """Length of filament that E1 feeds, mm; after M200, E counts mm³ or cubic inches."""
         return self.unit**3 / (np.pi * self.diameter**2 / 4) if self.volumetric else self.unit
 
 
@@ -125,7 +125,7 @@ def _compute_end_position(state: ReaderState, words: Mapping[str, float]) -> lis
     goal = list(state.position)
     for axis, letter in enumerate("XYZE"):
         if letter in words:
-            value = words[letter] * (state.unit_e if letter == "E" else state.unit)
+            value = words[letter] * (state.filament_per_e if letter == "E" else state.unit)
             relative = state.relative_e if letter == "E" else state.relative
             goal[axis] = goal[axis] + value if relative else value - state.offset[axis]
     if words.get("F", 0) > 0:
@@ -175,13 +175,13 @@ def _set_position(state: ReaderState, words: Mapping[str, float], _index: int) -
     for axis, letter in enumerate("XYZE"):
         if letter in words:
             if letter == "E":
-                state.position[3] = words[letter] * state.unit_e
+                state.position[3] = words[letter] * state.filament_per_e
             else:
                 state.offset[axis] = words[letter] * state.unit - state.position[axis]
 
 
 def _home_axes(state: ReaderState, words: Mapping[str, float], _index: int) -> None:
-    """G28: move the named axes, or all of x, y and z, to their endstops, and drop their offset of G92."""
+    """G28: move the named axes, or x, y and z, to their endstops, and drop the offset that G92 gave them."""
     named = [axis for axis, letter in enumerate("XYZ") if letter in words]
     for axis in named or range(3):
         state.position[axis], state.offset[axis] = state.home[axis], state.home_offset[axis]

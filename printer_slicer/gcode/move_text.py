@@ -28,7 +28,7 @@ class MoveText(Struct, frozen=True, eq=False):
 
     Attributes:
         text: all rows, each ending in a newline.
-        start: (K + 1,) offset of each move's row in `text`; moves too short to show have an empty row.
+        start: (K + 1,) offset of each move's row in `text`; a move that changes no decimal has an empty row.
         fed: (K,) filament written by the end of each move, in units of the last decimal of E.
         feed: (K,) speed of each move as written, mm/min.
     """
@@ -45,7 +45,7 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     Args:
         program: the moves.
         relative: relative extrusion (M83); otherwise absolute (M82).
-        full: moves whose row, or the next one, holds x, y, z and speed even if they do not change.
+        full: moves whose row holds x, y, z and speed even if they do not change; if a row is empty, the next one does.
     """
     xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
@@ -64,7 +64,7 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
     codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
     arc = codes > 1
-    anew = _find_first_kept(head, full)
+    anew = _find_full_rows(head, full)
     moved |= anew[:, None]
     columns = [
         (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
@@ -77,7 +77,7 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
     texts, lengths = [], []
     for first in range(0, len(ends), _BATCH):
         some = slice(first, first + _BATCH)
-        text, length = _format_block(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
+        text, length = _format_rows(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
         texts.append(text)
         lengths.append(length)
     length_of = np.zeros(program.n_moves, np.int64)
@@ -109,8 +109,8 @@ def _compute_arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int
     return code, off[:, 0], off[:, 1]
 
 
-def _find_first_kept(kept: Int, full: Int | None) -> Bool:
-    """Return which of the kept rows (n,) are the first at or after one of the moves `full`."""
+def _find_full_rows(kept: Int, full: Int | None) -> Bool:
+    """Return a mask (n,) of the kept rows: the first one at or after each move in `full`."""
     anew = np.zeros(len(kept), np.bool_)
     if full is not None:
         place = np.searchsorted(kept, full)
@@ -119,20 +119,20 @@ def _find_first_kept(kept: Int, full: Int | None) -> Bool:
 
 
 def _find_visible_moves(xyz: Int, fed: Int, pure: Bool) -> Int:
-    """Return the indices of moves that change a word after rounding; the filament of others goes to the next."""
+    """Return the indices of the moves that change a word after rounding; other moves get no row of their own."""
     travels = np.diff(xyz, axis=0, prepend=xyz[:1] - 1).any(axis=1)
     turns = travels | (pure & (np.diff(fed, prepend=0) != 0))
     return np.flatnonzero(turns)
 
 
 def _defer_filament(fed: Int, feeds: Bool) -> Int:
-    """Return E at the end of each row (n,); filament of rows that do not extrude is added to the next that does."""
+    """Return E at the end of each row (n,); filament of a row without E is added to the next row with E."""
     last = np.maximum.accumulate(np.where(feeds, np.arange(len(fed)), -1))
     return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
-def _format_block(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
-    """Format some rows; return their text and the length of each. `code` is the number after the G."""
+def _format_rows(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
+    """Format a block of rows; return its text and the length of each row. `code` is the number after the G."""
     letters = [np.full(len(code), ord("G"), np.uint8), code + _ZERO]
     for name, value, decimals, present in columns:
         letters += [present * np.uint8(letter) for letter in name]

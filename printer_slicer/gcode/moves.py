@@ -11,7 +11,7 @@ from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch
 from printer_slicer.values import Struct, replace
 
-__all__ = ["Moves", "Timer", "changed_limits", "choose_accelerations"]
+__all__ = ["Moves", "Timer", "apply_limit_change", "choose_accelerations"]
 
 
 class Moves(Struct, frozen=True, eq=False):
@@ -74,7 +74,7 @@ class Timer:
         for first, kind, values in moves.changes:
             self._add_range(moves, begin, first)
             self._watch.stop_and_sum()
-            begin, self._limits = first, changed_limits(self._limits, kind, values)
+            begin, self._limits = first, apply_limit_change(self._limits, kind, values)
             self._watch.limits = self._limits
         self._add_range(moves, begin, len(moves.speed))
 
@@ -106,19 +106,19 @@ def choose_accelerations(delta: Float, wanted: Float, limits: MotionLimits) -> F
     return np.asarray(np.where(np.isnan(wanted), usual, wanted))
 
 
-def changed_limits(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:
+def apply_limit_change(limits: MotionLimits, kind: str, values: Mapping[str, float]) -> MotionLimits:
     """Return the limits after M201, M203 or M205; `kind` and `values` are from an entry of `Moves.changes`."""
 
-    def merged(axes: Axes) -> Axes:
+    def merge_axes(axes: Axes) -> Axes:
         """Return the limits of all axes, with new values for the named ones."""
         x, y, z, e = (values.get(letter, old) for letter, old in zip("XYZE", axes, strict=True))
         return x, y, z, e
 
     if kind == "M201":
-        return replace(limits, max_acceleration=merged(limits.max_acceleration))
+        return replace(limits, max_acceleration=merge_axes(limits.max_acceleration))
     if kind == "M203":
-        return replace(limits, max_speed=merged(limits.max_speed))
+        return replace(limits, max_speed=merge_axes(limits.max_speed))
     if kind == "M205":
         deviation = values.get("J", limits.junction_deviation)
-        return replace(limits, jerk=merged(limits.jerk), junction_deviation=deviation)
+        return replace(limits, jerk=merge_axes(limits.jerk), junction_deviation=deviation)
     return limits

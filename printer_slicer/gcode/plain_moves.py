@@ -63,7 +63,7 @@ class PlainMoves(Struct, frozen=True, eq=False):
     """The plain moves among some commands.
 
     Attributes:
-        index: (n,) indices of these commands, ascending.
+        index: (n,) indices of the plain moves among the commands, ascending.
         words: (n, 5) numbers of X, Y, Z, E and F as written; nan for missing words.
     """
 
@@ -181,7 +181,7 @@ def apply_plain_moves(state: ReaderState, words: Float, index: Int) -> None:
 def _list_axis_rules(state: ReaderState) -> Sequence[tuple[float, float, bool]]:
     """Return the rules for reading x, y, z and e: unit in mm, offset to subtract, and whether relative."""
     head = [(state.unit, offset, state.relative) for offset in state.offset[:3]]
-    return [*head, (state.unit_e, state.offset[3], state.relative_e)]
+    return [*head, (state.filament_per_e, state.offset[3], state.relative_e)]
 
 
 def _compute_positions(words: Float, start: float, unit: float, offset: float, *, relative: bool) -> Float:

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.firmware import FLAVOURS, Dialect
-from printer_slicer.gcode.commands import Effect, names_that
-from printer_slicer.gcode.lexer import find_letters, parse, parse_extended
+from printer_slicer.gcode.commands import Effect, find_codes_as_text
+from printer_slicer.gcode.lexer import find_letters, parse, parse_extended_command
 from printer_slicer.gcode.move_actions import Action, ReaderState, build_actions
 from printer_slicer.gcode.moves import Moves
 from printer_slicer.gcode.plain_moves import apply_plain_moves, read_plain_moves
@@ -22,8 +22,8 @@ from printer_slicer.motion.positioning_mode import PositioningMode
 
 __all__ = ["MoveReader", "read_moves", "read_moves_in_pieces"]
 
-_STOPS: Final = names_that(Effect.WAITS)
-_HOMES: Final = names_that(Effect.HOMES)
+_STOPS: Final = find_codes_as_text(Effect.WAITS)
+_HOMES: Final = find_codes_as_text(Effect.HOMES)
 _BATCH: Final = 8192  # commands; more do not fit into the processor's cache
 _PIECE: Final = 1 << 15  # commands in a piece
 
@@ -31,7 +31,7 @@ _PIECE: Final = 1 << 15  # commands in a piece
 def read_moves(
     commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Moves:
-    """Return the moves of commands.
+    """Return the moves that a list of commands makes.
 
     Args:
         commands: without comments, one per entry.
@@ -46,7 +46,7 @@ def read_moves(
 def read_moves_in_pieces(
     commands: Sequence[bytes], home: tuple[float, float] = (0.0, 0.0), dialect: Dialect = FLAVOURS["marlin"]
 ) -> Iterator[Moves]:
-    """Yield the moves of commands in pieces, to bound memory; arguments as for `read_moves`."""
+    """Yield the moves that a list of commands makes, in pieces to bound memory; arguments as for `read_moves`."""
     reader = MoveReader(home, dialect)
     for begin in range(0, len(commands), _PIECE):
         reader.feed(commands[begin : begin + _PIECE])
@@ -127,7 +127,7 @@ def _parse_command(command: bytes, actions: Mapping[str, Action]) -> tuple[str, 
     """Return the code and the numbers of a command, or the name and the parameters of an extended command."""
     word, values = parse(command)
     if not word:
-        word, values = parse_extended(command)
+        word, values = parse_extended_command(command)
     code = word.decode()
     if code[:1] == "T" and code[1:].isdigit():
         return "T", {"T": float(code[1:4])}

@@ -19,7 +19,7 @@ from printer_slicer.gcode.commands import (
     TABLE,
     Effect,
     HeaterName,
-    commands_that,
+    find_codes,
 )
 from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.motion.positioning_mode import PositioningMode
@@ -33,13 +33,13 @@ Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
 _AXES: Final = (b"X", b"Y", b"Z", b"E")
 _INCH: Final = 25.4
 _INCHES: Final = b"G20"
-_MOVES: Final = commands_that(Effect.MOVES)
-_ARCS: Final = commands_that(Effect.ARC)
-_MODES: Final = commands_that(Effect.MODE)
-_MOVES_UNSEEN: Final = commands_that(Effect.MOVES_UNSEEN)
-_MOVES_ORIGIN: Final = commands_that(Effect.MOVES_ORIGIN)
+_MOVES: Final = find_codes(Effect.MOVES)
+_ARCS: Final = find_codes(Effect.ARC)
+_MODES: Final = find_codes(Effect.MODE)
+_MOVES_UNSEEN: Final = find_codes(Effect.MOVES_UNSEEN)
+_MOVES_ORIGIN: Final = find_codes(Effect.MOVES_ORIGIN)
 _TOOL_BY_P: Final = frozenset({b"G10", b"M568"})  # commands whose P, and not T, names a tool
-_FULL_FAN_SPEED: Final = 255.0  # of a fan
+_FULL_FAN_SPEED: Final = 255.0  # S of M106
 
 
 class Move(NamedTuple):
@@ -53,7 +53,7 @@ class Move(NamedTuple):
 
 
 class HeaterTarget(NamedTuple):
-    """A target temperature, °C, with its heater and tool (None: the active one)."""
+    """A target temperature, °C, and the heater that it is for; `tool` None means the active tool."""
 
     heater: HeaterName
     tool: int | None
@@ -99,13 +99,13 @@ def uses_inches(commands: Iterable[bytes]) -> bool:
 
 
 class ModalState(Struct, frozen=True):
-    """Position and modes between two commands. Lengths mm, speeds mm/s.
+    """Position and modes between two commands, in mm and mm/s.
 
     Attributes:
         x, y, z: logical position; None where unknown.
         e: logical extruder position.
         relative, relative_e: whether x, y, z, and e, are relative.
-        extruder: whether M83, rather than M82, restores the mode.
+        extruder: whether M83, and not M82, restores the mode of the extruder.
         speed: last feed rate, 0 if none.
         retracted: whether firmware retraction (G10) is active.
         pulled: filament retracted by E moves, mm.
@@ -219,7 +219,7 @@ class MachineState:
 
     @property
     def hotend(self) -> float:
-        """Target of the active tool, °C."""
+        """Target temperature of the active tool, °C."""
         return self.hotends.get(self.tool, 0.0)
 
     @property
@@ -229,7 +229,7 @@ class MachineState:
 
     @property
     def modal(self) -> ModalState:
-        """Return the current position and modes."""
+        """The current position and modes."""
         x, y, z, e = self._position
         counting = self.counting
         return ModalState(
@@ -336,7 +336,7 @@ class MachineState:
                 self._position[_AXES.index(letter)] = None
 
     def _move_in_machine_coordinates(self, values: Mapping[bytes, float]) -> Move | None:
-        """G53: the move in the same line is in machine coordinates; alone, G53 applies to the next move or to all."""
+        """Apply G53: its move is in machine coordinates; without a move, G53 applies to the next move or to all."""
         if b"G" not in values:
             self._forget_origin()
             self._next_unseen = True
@@ -456,11 +456,11 @@ class MachineState:
     _ACTIONS: ClassVar[
         Mapping[bytes, Callable[[MachineState, bytes, Mapping[bytes, float], bytes], None]]
     ] = {
-        **dict.fromkeys(commands_that(Effect.RETRACTS), _apply_retraction),
-        **dict.fromkeys(commands_that(Effect.UNITS), _select_unit),
-        **dict.fromkeys(commands_that(Effect.HOMES), _home_axes),
-        **dict.fromkeys(commands_that(Effect.SETS_POSITION), _set_position),
-        **dict.fromkeys(commands_that(Effect.SETS_HOME_OFFSET), _apply_home_offset),
-        **dict.fromkeys(commands_that(Effect.FAN), _set_fan),
+        **dict.fromkeys(find_codes(Effect.RETRACTS), _apply_retraction),
+        **dict.fromkeys(find_codes(Effect.UNITS), _select_unit),
+        **dict.fromkeys(find_codes(Effect.HOMES), _home_axes),
+        **dict.fromkeys(find_codes(Effect.SETS_POSITION), _set_position),
+        **dict.fromkeys(find_codes(Effect.SETS_HOME_OFFSET), _apply_home_offset),
+        **dict.fromkeys(find_codes(Effect.FAN), _set_fan),
         **dict.fromkeys((code for code, row in TABLE.items() if row.heater), _set_heater_target),
     }

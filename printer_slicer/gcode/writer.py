@@ -15,7 +15,7 @@ from printer_slicer.gcode.inserted_lines import (
     WriteContext,
     collect_insertions,
     find_firmware_retractions,
-    find_timed_macros,
+    find_macros_that_take_time,
     format_extrusion_comments,
     format_fan,
     format_first_progress,
@@ -26,7 +26,7 @@ from printer_slicer.gcode.labels import (
     choose_marking,
     find_moves_after_labels,
     find_object_changes,
-    format_definitions,
+    format_object_definitions,
 )
 from printer_slicer.gcode.move_text import MoveText, format_moves
 from printer_slicer.gcode.reader import read_moves
@@ -87,7 +87,7 @@ def _format_file(
 ) -> tuple[bytes, float, float]:
     """Return the content of the file, its estimated time, s, and the time of macros between moves, s.
 
-    `macro_factor` is a factor for the time of these macros.
+    `macro_factor` is a factor for the estimated time of macros between moves.
     """
     seconds, labels = facts.seconds, facts.labels
     each = np.zeros(program.n_moves) if seconds is None else seconds
@@ -121,7 +121,7 @@ def _format_file(
     before += [*dialect.limits(profile.printer), *_format_retraction_setup(profile, dialect), *start]
     if profile.pressure_advance and dialect.pressure_advance:
         before.append(dialect.pressure_advance(profile.pressure_advance))
-    before += format_definitions(context.marking)
+    before += format_object_definitions(context.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
     after = [*end, *format_footer(program, profile, total)]
     return (
@@ -144,7 +144,7 @@ def _format_tool_selection(
 def _estimate_macro_times(context: WriteContext, rows: MoveText) -> Float:
     """Estimate the time, s, of all macros before each move and at the end, (K + 1,)."""
     program, taken = context.program, np.zeros(context.program.n_moves + 1)
-    for move, lines in find_timed_macros(context, rows):
+    for move, lines in find_macros_that_take_time(context, rows):
         before = _format_approach(program, move)
         taken[move] += _estimate_seconds(lines, context.profile, context.dialect, before)
     return np.asarray(np.cumsum(taken))
@@ -163,13 +163,13 @@ def _estimate_seconds(
 ) -> float:
     """Estimate the time of moves and dwells in a macro, s, if it runs after the lines `before`."""
 
-    def seconds(texts: Sequence[str]) -> float:
-        """Estimate the time of lines, s, if they start at the endstops."""
+    def estimate(texts: Sequence[str]) -> float:
+        """Estimate the time of lines, s, if the nozzle starts at the endstops."""
         commands = [text.partition(";")[0].strip().encode("ascii", "replace") for text in texts]
         moves = read_moves([text for text in commands if text], profile.printer.corners[0], dialect)
         return moves.seconds(limits_of(profile.printer))
 
-    return seconds([*before, *lines]) - (seconds(before) if before else 0.0)
+    return estimate([*before, *lines]) - (estimate(before) if before else 0.0)
 
 
 def _format_retraction_setup(profile: Profile, dialect: Dialect) -> list[str]:

@@ -14,7 +14,7 @@ from math import ceil, hypot
 from typing import Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.gcode.commands import heater_of
+from printer_slicer.gcode.commands import find_heater
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.importing.bed_shapes import BedRectangle
@@ -157,7 +157,7 @@ def _add_heating_commands(conversion: Conversion) -> None:
         conversion.mark_used(["autoemit_temperature_commands"])
         return
     start = str(conversion.values.get("start_gcode", ""))
-    heated = {heater_of(parse(strip(line.encode()))[0].decode()) for line in start.splitlines()}
+    heated = {find_heater(parse(strip(line.encode()))[0].decode()) for line in start.splitlines()}
     bed, nozzle = "bed" in heated, "nozzle" in heated
     if bed and nozzle:
         return

@@ -11,8 +11,8 @@ from copy import copy
 from typing import Final, NamedTuple
 
 from printer_slicer import texts
-from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.lexer import parse, parse_extended, strip
+from printer_slicer.gcode.commands import Effect, find_codes
+from printer_slicer.gcode.lexer import parse, parse_extended_command, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 
 __all__ = ["SCRIPT_ENTRY", "PrintState", "Step", "format_number"]
@@ -20,10 +20,10 @@ __all__ = ["SCRIPT_ENTRY", "PrintState", "Step", "format_number"]
 _MAX_RECENT_STEPS: Final = 256
 """Number of commands kept: more than the planner of any Marlin-like firmware holds, with commands between moves."""
 
-_STICKY_COMMANDS: Final = commands_that(Effect.STICKY)
+_STICKY_COMMANDS: Final = find_codes(Effect.STICKY)
 """Settings that a resume restores; without SET_GCODE_OFFSET, because the nozzle height already contains baby steps."""
 
-_WAITS: Final = commands_that(Effect.WAITS)
+_WAITS: Final = find_codes(Effect.WAITS)
 _MESH_COMMANDS: Final = frozenset({b"BED_MESH_PROFILE", b"BED_MESH_CALIBRATE"})
 
 
@@ -174,7 +174,7 @@ class PrintState:
 
     def _record_extended_setting(self, command: bytes) -> None:
         """Record a Klipper command if it changes the bed mesh or a persistent setting."""
-        name, _ = parse_extended(command)
+        name, _ = parse_extended_command(command)
         if name in _STICKY_COMMANDS:
             self.sticky[name] = command, False
         elif name in _MESH_COMMANDS:

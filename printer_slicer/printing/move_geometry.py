@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing.machine_state import Step, format_number
@@ -13,8 +13,8 @@ from printer_slicer.values import replace
 
 __all__ = ["build_remaining_move", "find_nearest_move", "interpolate_state"]
 
-_MOVES = commands_that(Effect.MOVES)
-_ARCS = commands_that(Effect.ARC)
+_MOVES = find_codes(Effect.MOVES)
+_ARCS = find_codes(Effect.ARC)
 _CHORDS = 64  # number of chords that replace an arc in the search for its nearest point
 PositionWithE = tuple[float, float, float, float]
 

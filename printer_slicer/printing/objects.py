@@ -17,7 +17,7 @@ from typing import Any, Final, overload
 
 from printer_slicer.errors import UsageError
 from printer_slicer.firmware import FLAVOURS
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse, split_code, strip
 from printer_slicer.gcode.state import MachineState, ModalState
 from printer_slicer.printing.machine_state import PrintState, format_number
@@ -30,10 +30,10 @@ _M486: Final = re.compile(rb"\s+([STAC])\s*(.*)")
 _EXCLUDE_OBJECT: Final = re.compile(rb"EXCLUDE_OBJECT_(START|END)(?:\s+NAME=(\S+))?")
 _OBJECT_NUMBER: Final = b"486"
 _MARKS: Final = (b"printing object", _OBJECT_NUMBER, b"EXCLUDE_OBJECT_START")
-_CHANGES_READING: Final = commands_that(
+_CHANGES_READING: Final = find_codes(
     Effect.MODE | Effect.UNITS | Effect.SETS_POSITION | Effect.SETS_HOME_OFFSET | Effect.RETRACTS
 )
-_SKIPPED: Final = commands_that(Effect.MOVES) | _CHANGES_READING | {b"G53"}
+_SKIPPED: Final = find_codes(Effect.MOVES) | _CHANGES_READING | {b"G53"}
 """Commands that are not sent: moves, and commands that only change the interpretation of moves."""
 
 _MAX_LOOK_AHEAD: Final = 40
@@ -196,7 +196,7 @@ class LiveJob(Sequence[bytes]):
         after = before.fork()
         # In other flavours M206 takes effect at the next homing, so it is sent.
         at_once = FLAVOURS[before.machine.flavour].home_offset == "at once"
-        skipped = _SKIPPED if at_once else _SKIPPED - commands_that(Effect.SETS_HOME_OFFSET)
+        skipped = _SKIPPED if at_once else _SKIPPED - find_codes(Effect.SETS_HOME_OFFSET)
         moves = []
         for index in range(first, end):
             command = self._commands[index]

@@ -13,7 +13,7 @@ from math import inf
 from typing import Any, Final
 
 from printer_slicer.errors import UsageError
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing import commands
@@ -47,7 +47,7 @@ __all__ = ["AUTOREPORT_COMMAND", "PrintController", "PrintPhase", "Prompts", "Re
 
 _MAX_PATH_DISTANCE: Final = 0.5  # mm between the reported stop position and the commanded path
 
-_WAITS_FOR_PERSON: Final = commands_that(Effect.WAITS_FOR_PERSON)
+_WAITS_FOR_PERSON: Final = find_codes(Effect.WAITS_FOR_PERSON)
 _STOP_TIMEOUT: Final = 20.0  # s that M410 and the position query after it may take
 
 

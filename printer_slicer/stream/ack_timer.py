@@ -11,7 +11,7 @@ from collections import deque
 from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import TABLE, Effect, commands_that
+from printer_slicer.gcode.commands import TABLE, Effect, find_codes
 from printer_slicer.gcode.state import Move
 from printer_slicer.motion.rules import make_block, ramp_time
 
@@ -198,7 +198,7 @@ _MACRO_TIME: Final = 1800.0
 _TOOL_CHANGE_TIME: Final = 600.0
 """Timeout of a tool change, s; the printer may move and heat the tool."""
 
-_EMPTIES_PLANNER: Final = commands_that(Effect.WAITS) - commands_that(Effect.WAITS_FOR_HEAT)
+_EMPTIES_PLANNER: Final = find_codes(Effect.WAITS) - find_codes(Effect.WAITS_FOR_HEAT)
 """Commands that wait until the planner is empty. A wait for heaters may return while moves are still planned."""
 
 

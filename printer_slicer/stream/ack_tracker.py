@@ -19,7 +19,7 @@ from collections import deque
 from math import inf
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.ack_timer import AckTimer
 from printer_slicer.stream.framing import MAX_LINE_BYTES, frame_with_crc
@@ -42,7 +42,7 @@ _BREAK_INTERVAL: Final = 2.0
 _MAX_BREAKS: Final = 6
 """Maximum number of M108 per waiting command; all of them fit into any receive buffer."""
 
-_BREAKABLE_WAITS: Final = commands_that(Effect.ENDED_BY_M108)
+_BREAKABLE_WAITS: Final = find_codes(Effect.ENDED_BY_M108)
 
 _LATE_ANSWER_TIME: Final = 0.5
 """Time within which a printer that was busy answers all queued probes, s."""

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from math import exp2, floor, inf, log2
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import TABLE, Effect, commands_that
+from printer_slicer.gcode.commands import TABLE, Effect, find_codes
 from printer_slicer.gcode.lexer import parse, split_line_number, strip
 from printer_slicer.gcode.state import MachineState
 from printer_slicer.motion.planner_clock import PlannerClock
@@ -35,9 +35,9 @@ _RESEND: Final = re.compile(rb"(?:Resend:|rs )\s*N?:?\s*(\d+)")
 _STEPS_PER_DOUBLING: Final = 16
 """Number of histogram steps per doubling of the latency; a step is 4 %."""
 
-_WAITS: Final = commands_that(Effect.WAITS)
+_WAITS: Final = find_codes(Effect.WAITS)
 _IMMEDIATE: Final = (
-    commands_that(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
+    find_codes(Effect.MOVES | Effect.MODE | Effect.SETS_POSITION | Effect.FAN)
     | {code for code, row in TABLE.items() if row.heater}
 ) - _WAITS
 """Commands that are acknowledged at once if the command queue is not full."""

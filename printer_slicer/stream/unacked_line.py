@@ -20,7 +20,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.gcode.commands import Effect, commands_that
+from printer_slicer.gcode.commands import Effect, find_codes
 
 if TYPE_CHECKING:
     from printer_slicer.gcode.state import Place
@@ -32,8 +32,8 @@ _POSITION_TOLERANCE: Final = 0.006
 
 _MAX_ROUNDS: Final = 3
 
-_REPEATABLE: Final = commands_that(Effect.REPEATABLE)
-_STRAIGHT_MOVES: Final = commands_that(Effect.MOVES) - commands_that(Effect.ARC)
+_REPEATABLE: Final = find_codes(Effect.REPEATABLE)
+_STRAIGHT_MOVES: Final = find_codes(Effect.MOVES) - find_codes(Effect.ARC)
 
 
 class LineFate(Enum):

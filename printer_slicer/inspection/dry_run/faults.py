@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer.commands import find_lines
 from printer_slicer.diagnostics import Diagnostic, Severity
-from printer_slicer.gcode.commands import heater_of
+from printer_slicer.gcode.commands import find_heater
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.gcode.state import uses_inches
 from printer_slicer.inspection.deposition.marks import Defect
@@ -271,7 +271,7 @@ def heaters_left_on(
             (
                 index
                 for index in range(len(job.commands) - 1, -1, -1)
-                if heater_of(parse(job.commands[index])[0].decode()) == heater
+                if find_heater(parse(job.commands[index])[0].decode()) == heater
             ),
             -1,
         )

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.gcode import Moves, changed_limits
-from printer_slicer.gcode.commands import Effect, commands_that
-from printer_slicer.gcode.lexer import parse, parse_extended
+from printer_slicer.gcode import Moves, apply_limit_change
+from printer_slicer.gcode.commands import Effect, find_codes
+from printer_slicer.gcode.lexer import parse, parse_extended_command
 from printer_slicer.gcode.moves import choose_accelerations
 from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
 from printer_slicer.motion.rules import MotionLimits
@@ -30,7 +30,7 @@ __all__ = ["Underrun", "UnderrunReport", "find_underruns", "make_timed_job"]
 _MIN_GAP: Final = 40  # number of commands without delay that separate two underruns
 _MIN_SLOWDOWN: Final = 0.05  # share of the ideal duration; a move that takes longer by this share is delayed
 _MIN_LOSS: Final = 0.25  # s; a shorter delay is no underrun, because starting from rest may take 0.1 s
-_WAITING_COMMANDS: Final = commands_that(Effect.WAITS)
+_WAITING_COMMANDS: Final = find_codes(Effect.WAITS)
 
 
 class Underrun(Struct, frozen=True):
@@ -130,7 +130,7 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
             )
         )
         lines.append(moves.line[selected][moving])
-        begin, limits = first, changed_limits(limits, kind, values)
+        begin, limits = first, apply_limit_change(limits, kind, values)
         if first < len(moves.line):
             changed[int(moves.line[first])] = limits
     blocks = Blocks(
@@ -149,7 +149,7 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
 def _dwell_seconds(command: bytes) -> float | None:
     """Return the duration of a dwell, s; 0 for a wait for heaters or the user; None for other commands."""
     word, values = parse(command)
-    if (word or parse_extended(command)[0]) not in _WAITING_COMMANDS:
+    if (word or parse_extended_command(command)[0]) not in _WAITING_COMMANDS:
         return None
     if word != b"G4":
         return 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from printer_slicer.gcode.commands import HeaterName, heater_of
+from printer_slicer.gcode.commands import HeaterName, find_heater
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
@@ -40,7 +40,7 @@ class HeaterRules(Struct):
             return ""
         if command.settings or command.code.startswith(("SET_HEATER", "TEMPERATURE_WAIT")):
             return self._check_settings(command)
-        heater = heater_of(command.code)
+        heater = find_heater(command.code)
         if command.code == "G10" and "P" in command.words and set(command.words) & set(_TARGET_LETTERS):
             heater = "nozzle"
         if heater is None:
@@ -48,7 +48,7 @@ class HeaterRules(Struct):
         self.heated = self.heated or heater == "nozzle"
         if command.is_ambiguous:
             return f"the temperature of the {heater} cannot be read"
-        target = command.largest_number(_TARGET_LETTERS)
+        target = command.find_largest_number(_TARGET_LETTERS)
         return "" if target is None else self._check_target(heater, self._to_celsius(target))
 
     def _check_settings(self, command: LintCommand) -> str:

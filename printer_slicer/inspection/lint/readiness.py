@@ -16,7 +16,7 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.firmware import FIRMWARES
 from printer_slicer.gcode import Moves
-from printer_slicer.gcode.commands import Effect, heater_of, names_that
+from printer_slicer.gcode.commands import Effect, find_codes_as_text, find_heater
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.printer_macros import match_start_macro
 from printer_slicer.values import Struct, field
@@ -30,9 +30,9 @@ _MIN_EXTRUSION_TEMPERATURE: Final = 170.0  # °C; Marlin's EXTRUDE_MINTEMP
 _COOLING_TIME: Final = 10.0
 _UNKNOWN, _HOMED, _MOTORS_OFF = range(3)
 _COLD, _HEATING, _HOT, _COOLING, _COOLED = range(5)
-_WAITS_FOR_HEAT: Final = names_that(Effect.WAITS_FOR_HEAT) | {"G29"}  # G29 takes as long as heating
-_RUNS_MACRO: Final = names_that(Effect.RUNS_MACRO)
-_HOMES: Final = names_that(Effect.HOMES)
+_WAITS_FOR_HEAT: Final = find_codes_as_text(Effect.WAITS_FOR_HEAT) | {"G29"}  # G29 takes as long as heating
+_RUNS_MACRO: Final = find_codes_as_text(Effect.RUNS_MACRO)
+_HOMES: Final = find_codes_as_text(Effect.HOMES)
 
 
 class _StateHistory(Struct):
@@ -180,8 +180,8 @@ class ReadinessChecker:
 
 def _nozzle_target(command: LintCommand) -> float | None:
     """Return the nozzle target that a command sets, °C; None if it sets none."""
-    if heater_of(command.code) == "nozzle" or (command.code == "G10" and "P" in command.words):
-        return command.largest_number("SR")
+    if find_heater(command.code) == "nozzle" or (command.code == "G10" and "P" in command.words):
+        return command.find_largest_number("SR")
     if (
         command.code == "SET_HEATER_TEMPERATURE"
         and "BED" not in command.text

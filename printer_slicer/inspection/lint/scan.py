@@ -13,7 +13,7 @@ from printer_slicer.commands import find_lines, read_text
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode import Moves, read_moves_in_pieces
-from printer_slicer.gcode.commands import Effect, names_that
+from printer_slicer.gcode.commands import Effect, find_codes_as_text
 from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
@@ -33,7 +33,7 @@ _RULES: Final[Mapping[str, tuple[Rule, ...]]] = {
     code: tuple(rule for rule in RULES if code in rule.codes) for rule in RULES for code in rule.codes
 }
 _SCRIPT_KEYWORDS: Final = frozenset({"IF", "ELIF", "ELSE", "WHILE", "VAR", "GLOBAL", "SET", "ABORT"})
-_STATE_COMMANDS: Final = names_that(
+_STATE_COMMANDS: Final = find_codes_as_text(
     Effect.MOVES | Effect.HOMES | Effect.SETS_POSITION | Effect.MODE | Effect.UNITS
 )
 _PLAIN_WORD: Final = r" *[XYZEFIJR] *[-+]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)"
@@ -75,7 +75,7 @@ def scan(
     for index, line in _find_unusual_commands(commands):
         for command in read_commands(line):
             readiness.process_command(index, command)
-            if command.code == "M221" and (ratio := command.largest_number("S")):
+            if command.code == "M221" and (ratio := command.find_largest_number("S")):
                 factors.append((index, ratio / 100))
             for name, severity, message, reason in _check_command(command, line, profile, heat):
                 shown = line.decode("latin-1")

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from printer_slicer.firmware import FIRMWARES, FLAVOURS
-from printer_slicer.gcode.commands import TABLE, Effect, names_that, takes_text
+from printer_slicer.gcode.commands import TABLE, Effect, find_codes_as_text, takes_text
 from printer_slicer.gcode.lexer import LintCommand, parse, split_code, split_line_number
 
 __all__ = ["describe_lower_case_fault", "describe_number_faults"]
 
 _ALL_LETTERS: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
 _NUMBER_LETTERS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(names_that(Effect.MOVES) | {"G5"}, _ALL_LETTERS),
+    **dict.fromkeys(find_codes_as_text(Effect.MOVES) | {"G5"}, _ALL_LETTERS),
     "G4": "PS",
     "G92": "XYZE",
     **dict.fromkeys((code.decode() for code, row in TABLE.items() if row.heater), "SR"),

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Final
 
 from printer_slicer.firmware.firmware import SetsLimits
-from printer_slicer.gcode.commands import Effect, names_that
+from printer_slicer.gcode.commands import Effect, find_codes_as_text
 from printer_slicer.gcode.lexer import LintCommand
 from printer_slicer.profile import Printer
 from printer_slicer.values import Struct
@@ -163,7 +163,7 @@ def _check_speed_ratio(command: LintCommand, _printer: Printer) -> RuleResult | 
 
 def _check_percentage(command: LintCommand, quantity: str, usual: tuple[float, float]) -> RuleResult | None:
     """Check a percentage: warn if it is not 100; report an error outside the usual range."""
-    percent = command.largest_number("S")
+    percent = command.find_largest_number("S")
     if percent is None or percent == 100:
         return None
     low, high = usual
@@ -291,7 +291,7 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule("endstops", _split_codes("FORCE_MOVE"), _always_report("moves beyond all limits"), _PROTECTION_OFF),
     Rule(
         "offsets",
-        names_that(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
+        find_codes_as_text(Effect.MOVES_ORIGIN | Effect.SETS_HOME_OFFSET)
         | _split_codes("M851 SET_GCODE_OFFSET SET_KINEMATIC_POSITION"),
         lambda command, _: (
             (True, "shifts the origin")
@@ -323,7 +323,7 @@ RULES: Final[tuple[Rule, ...]] = (
     Rule("wait", _ENDED_BY_BUTTON, _check_wait, "The print stands still with hot heaters until then"),
     Rule(
         "wait",
-        names_that(Effect.WAITS_FOR_PERSON) - _ENDED_BY_BUTTON,
+        find_codes_as_text(Effect.WAITS_FOR_PERSON) - _ENDED_BY_BUTTON,
         _always_report("waits for a person", is_warning=True),
         "A person must continue the print",
     ),
