@@ -16,8 +16,8 @@ from printer_slicer.firmware import (
     FIRMWARES,
     WIRE_DIALECTS,
     Flavour,
-    flavour_of,
-    wire_dialect_name,
+    get_flavour,
+    match_wire_dialect,
 )
 from printer_slicer.gcode.commands import TABLE, Effect
 from printer_slicer.gcode.labels import LABEL_FORMATS
@@ -38,7 +38,7 @@ def test_every_wire_dialect_belongs_to_one_firmware() -> None:
     names = [name for firmware in FIRMWARES.values() for name in firmware.wire]
 
     assert sorted(names) == sorted(WIRE_DIALECTS)
-    assert {flavour_of(dialect) for dialect in WIRE_DIALECTS.values()} == set(FIRMWARES)
+    assert {get_flavour(dialect) for dialect in WIRE_DIALECTS.values()} == set(FIRMWARES)
     assert [name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.m115_pattern, "")] == [
         DEFAULT_WIRE_DIALECT
     ]
@@ -51,7 +51,7 @@ def test_simulated_printers_are_identified_by_their_reply_to_m115(name: str) -> 
     said = simulated.identity.format(name=simulated.name, tools=1).encode()
     [firmware] = [reply.firmware for reply in parse_replies(said) if isinstance(reply, Identity)]
 
-    assert flavour_of(WIRE_DIALECTS[wire_dialect_name(firmware)]) == simulated.dialect
+    assert get_flavour(WIRE_DIALECTS[match_wire_dialect(firmware)]) == simulated.dialect
 
 
 @pytest.mark.parametrize("name", FIRMWARES)

@@ -29,9 +29,9 @@ __all__ = [
     "Firmware",
     "Flavour",
     "WireDialect",
-    "flavour_of",
+    "get_flavour",
     "get_wire_dialect",
-    "wire_dialect_name",
+    "match_wire_dialect",
 ]
 
 Flavour: TypeAlias = Literal[
@@ -62,8 +62,8 @@ WIRE_DIALECTS: Final[Mapping[str, WireDialect]] = {
 """Wire dialects by name, as in `Streamer(dialect=...)`; the first whose pattern matches the reply to M115 applies."""
 
 
-def wire_dialect_name(m115_name: str) -> str:
-    """Return the name of the wire dialect for the firmware name in a reply to M115."""
+def match_wire_dialect(m115_name: str) -> str:
+    """Return the name of the wire dialect whose pattern matches the firmware name in a reply to M115."""
     return next(name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.m115_pattern, m115_name))
 
 
@@ -80,6 +80,6 @@ def get_wire_dialect(name: str) -> WireDialect:
     return WIRE_DIALECTS[name]
 
 
-def flavour_of(dialect: WireDialect) -> str:
+def get_flavour(dialect: WireDialect) -> str:
     """Return the flavour of G-code that a firmware with this wire dialect reads."""
     return next(name for name, firmware in FIRMWARES.items() if dialect in firmware.wire.values())

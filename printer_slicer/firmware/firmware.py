@@ -52,7 +52,7 @@ STRTOD_NUMBERS: Final = NumberReading(
     "reads it as NaN or infinity and loses its position",
     "reads only the valid part at its start",
 )
-"""What firmwares do that read numbers with C's `strtod`."""
+"""How firmwares read such words if they use C's `strtod`."""
 
 
 class SetsLimits(Struct, frozen=True):
@@ -74,7 +74,8 @@ class SetsAccelerations(Struct, frozen=True):
     """A command that sets accelerations, mm/s².
 
     Attributes:
-        sets: words of the command -> which of `printing`, `travel` and `retract` get the smallest of their numbers.
+        sets: words of the command -> the accelerations (`printing`, `travel`, `retract`) that it sets to the smallest
+            number of these words.
     """
 
     sets: Mapping[tuple[str, ...], tuple[str, ...]]
@@ -100,7 +101,8 @@ class Dialect(Struct, frozen=True):
 
     Attributes:
         limits: formats the motion limits of the profile, so that the machine matches the time estimate.
-        acceleration: formats the printing acceleration, mm/s²; with a single acceleration, that of all moves.
+        acceleration: formats the printing acceleration, mm/s²; in a firmware with a single acceleration, it applies
+            to all moves.
         pause: command that waits for a person, used if the profile has no pause G-code.
         pressure_advance: formats pressure advance, s; None: no command takes seconds.
         retraction: formats the settings of G10 and G11; None: a file cannot set them.
@@ -159,7 +161,7 @@ def format_marlin_limits(printer: Printer, corner: str = "") -> list[str]:
 
 
 def format_retraction(printer: Printer) -> list[str]:
-    """Format M207 and M208 for G10 and G11, without lift, since the moves lift. F is in mm/min."""
+    """Format M207 and M208, which set up G10 and G11. They set no lift, because the moves contain the lift."""
     back, forward = format_number(printer.retract_speed * 60), format_number(printer.deretract_speed * 60)
     return [
         f"M207 S{format_number(printer.retract_length)} F{back} Z0",
@@ -177,11 +179,11 @@ class WireDialect(Struct, frozen=True, kw_only=True):
     Attributes:
         title: its name in messages.
         m115_pattern: regular expression that matches the firmware name in its reply to M115.
-        resend_request: an example for tests and documentation: the lines with which it requests line 7 again.
+        resend_request: the lines with which it requests line 7 again, as an example for tests and documentation.
         checksum: the checksum at the end of each line; a CRC finds errors that XOR misses.
         checks_line_numbers: it rejects a line whose number is not the next one. Without that, lost lines go unnoticed.
-        unnumbered_lines: how it treats lines without a number. The rest of a line whose start was lost looks like one,
-            so if these are executed, at most two lines may be in flight on a bad cable.
+        unnumbered_lines: how it treats lines without a number. A line whose start was lost looks like a line without
+            a number. If the firmware executes such lines, at most two lines may be in flight on a bad cable.
         reports_last_line: it answers M110 alone with the number of the last line.
         ok_when_read: it sends ok when it has read a line; the answer to M105 follows when the line is executed.
         max_line_bytes: maximum length of a line, without its line break.

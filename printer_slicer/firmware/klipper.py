@@ -85,7 +85,7 @@ KLIPPER: Final = Firmware(
             advice=_ADVICE,
         ),
     },
-    # Its look-ahead is limited by time, not by count; it never plans as many moves as this.
+    # Klipper limits its look-ahead by time, not by the number of moves; it never plans this many moves.
     planner_blocks=1000,
     has_single_acceleration=True,
     halts_out_of_bounds=True,

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.macros import Items, Value, add_other_names
+from printer_slicer.macros import Items, Value, add_names_of_other_slicers
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, settings_text
 from printer_slicer.roles import Role
@@ -67,7 +67,7 @@ def collect_print_facts(
     known |= {"layer_tops": _round_to_tuple(program.plan.top), "object_names": names}
     known |= {"input_filename": f"{name}.gcode" if name else "", "input_filename_base": name}
     known |= dict.fromkeys(("print_time", "normal_print_time"), format_duration(seconds))
-    return add_other_names(known)
+    return add_names_of_other_slicers(known)
 
 
 def _collect_bed_facts(profile: Profile, low: Float, high: Float) -> dict[str, Value]:

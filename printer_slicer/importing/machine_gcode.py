@@ -21,7 +21,14 @@ from printer_slicer.importing.bed_shapes import BedRectangle
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
 from printer_slicer.importing.prusaslicer_names import setting_kind
-from printer_slicer.macros import UnknownName, Value, escape_braces, known_names, literal, read_template
+from printer_slicer.macros import (
+    UnknownName,
+    Value,
+    escape_braces,
+    format_literal,
+    get_placeholder_names,
+    read_template,
+)
 from printer_slicer.profile.tables import settings_table
 
 __all__ = ["convert_macros"]
@@ -92,10 +99,10 @@ def _define_variables(conversion: Conversion, theirs: str, text: str, known: Map
         return ""
     wanted: dict[str, str] = {}
     unknown: dict[str, str] = {}
-    for fault in template.find_faults(known_names(_MACROS[theirs], _list_setting_names())):
+    for fault in template.find_faults(get_placeholder_names(_MACROS[theirs], _list_setting_names())):
         name = fault.name if isinstance(fault, UnknownName) else ""
         if name in known:
-            wanted[name] = literal(known[name])
+            wanted[name] = format_literal(known[name])
         else:
             unknown.setdefault(
                 fault.problem, f"line {template.line_of(fault)}: {fault.problem}: {_STOPS_SLICING}"
@@ -113,7 +120,7 @@ def _set_reach_and_probe(conversion: Conversion, bed: BedRectangle) -> None:
     for name in ("start_gcode", "end_gcode"):
         with suppress(ProfileError):  # already reported
             macro = read_template(str(conversion.values.get(name, "")), name)
-            lines += macro.possible_lines(known, unknown="?")
+            lines += macro.list_possible_lines(known, unknown="?")
     far = _measure_reach(lines, bed)
     if far > _MOST_REACH:
         conversion.warn(

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, Final
 
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
-from printer_slicer.macros.names import add_other_names
+from printer_slicer.macros.names import add_names_of_other_slicers
 from printer_slicer.profile import Profile, settings_text
 
 __all__ = ["describe_profile"]
@@ -37,7 +37,9 @@ def describe_profile(profile: Profile, typed: Collection[str]) -> dict[str, str]
         f"quality.speeds.{key}": getattr(profile.speeds, key)
         for key in type(profile.speeds).__struct_fields__
     }
-    known = add_other_names({**plain, **speeds, "quality.layer_height": profile.quality.layer_height})
+    known = add_names_of_other_slicers(
+        {**plain, **speeds, "quality.layer_height": profile.quality.layer_height}
+    )
     found = {
         key: str(value[0] if isinstance(value, tuple) else value)
         for key, value in known.items()

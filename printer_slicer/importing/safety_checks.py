@@ -87,7 +87,7 @@ def _check_macros(profile: ImportedProfile, preset: Preset, limits: TemperatureL
 def _list_macro_lines(macro: str) -> list[str]:
     """Return the lines of all branches of a macro, and the macro as written."""
     try:
-        return [*read_template(macro, "").possible_lines({}), *macro.splitlines()]
+        return [*read_template(macro, "").list_possible_lines({}), *macro.splitlines()]
     except ProfileError:
         return macro.splitlines()
 

@@ -31,13 +31,13 @@ from printer_slicer.macros.values import (
     Value,
     check_range,
     describe_kind,
-    first_item,
     format_value,
+    get_first_item,
     is_equal,
     round_to_whole,
 )
 
-__all__ = ["check_known", "evaluate", "evaluate_with_vectors", "is_true"]
+__all__ = ["check_name_exists", "evaluate", "evaluate_with_vectors", "is_true"]
 _COMPARISONS: Final[Mapping[str, Callable[[float, float], bool]]] = {
     "==": is_equal,
     "!=": lambda a, b: not is_equal(a, b),
@@ -71,7 +71,7 @@ def evaluate(node: Node, known: Mapping[str, Value]) -> Value:
     Raises:
         MacroFault: the expression has no value.
     """
-    return first_item(evaluate_with_vectors(node, known))
+    return get_first_item(evaluate_with_vectors(node, known))
 
 
 def evaluate_with_vectors(node: Node, known: Mapping[str, Value]) -> Value:
@@ -99,7 +99,7 @@ def evaluate_with_vectors(node: Node, known: Mapping[str, Value]) -> Value:
             return _apply_binary(node, known)
 
 
-def check_known(node: Name | Call, known: Collection[str]) -> None:
+def check_name_exists(node: Name | Call, known: Collection[str]) -> None:
     """Check that a name or function exists.
 
     Raises:
@@ -110,22 +110,22 @@ def check_known(node: Name | Call, known: Collection[str]) -> None:
         _find_function(node)
     elif node.name not in known and node.name.rstrip("0123456789").removesuffix("_") not in known:
         near = get_close_matches(node.name, known, n=1)
-        hint = f"Did you mean {{{near[0]}}}?" if near else _list_facts(known)
+        hint = f"Did you mean {{{near[0]}}}?" if near else _suggest_facts(known)
         raise UnknownName(node.name, node.position, hint)
 
 
-def _list_facts(known: Collection[str]) -> str:
-    """Return a remedy that lists the known facts, but not the hundreds of settings."""
+def _suggest_facts(known: Collection[str]) -> str:
+    """Return a remedy that lists the known facts, and names the command that lists the hundreds of settings."""
     facts = sorted((FACTS | LAYER_FACTS).intersection(known)) or sorted(known)[:20]
     settings = any("." in name for name in known)
     return f"Choose one of: {', '.join(facts)}" + (
-        ", and the settings that `ps.find_settings()` lists" if settings else ""
+        ", or a setting that `ps.find_settings()` lists" if settings else ""
     )
 
 
 def _look_up_name(node: Name, known: Mapping[str, Value]) -> Value:
     """Return the value of a name; `temperature_0` means item 0 of a list, as in old macros."""
-    check_known(node, known)
+    check_name_exists(node, known)
     if node.name in known:
         return known[node.name]
     base, _, index = node.name.rpartition("_")
@@ -206,7 +206,9 @@ def _combine_values(node: Binary, left: Value, right: Value) -> Value:
         raise MacroFault(
             node.position, "division by zero", f"Guard it with a condition: {{b == 0 ? 0 : a {sign} b}}"
         )
-    return check_range(_divide(left, right) if sign == "/" else _remainder(left, right), node.position)
+    return check_range(
+        _divide(left, right) if sign == "/" else _compute_remainder(left, right), node.position
+    )
 
 
 def _divide(left: float, right: float) -> float:
@@ -216,7 +218,7 @@ def _divide(left: float, right: float) -> float:
     return left / right
 
 
-def _remainder(left: float, right: float) -> float:
+def _compute_remainder(left: float, right: float) -> float:
     """Return the remainder of a division, with the sign of `left`; 0 if it is 0 within rounding errors."""
     if isinstance(left, int) and isinstance(right, int):
         return left - right * int(_divide(left, right))
@@ -235,12 +237,12 @@ def _make_vector(items: Sequence[Value], position: int) -> Items:
     """Make a vector from values; vectors of one item count as their item."""
     items = [one[0] if isinstance(one, tuple) and len(one) == 1 else one for one in items]
     if len(items) > LONGEST_TEXT or any(isinstance(one, tuple) for one in items):
-        raise MacroFault(position, f"a list can hold up to {LONGEST_TEXT} numbers or texts, and no lists")
+        raise MacroFault(position, f"a list can hold up to {LONGEST_TEXT} numbers or texts, but no lists")
     return Items(items)  # type: ignore[arg-type]
 
 
 def _evaluate_index(node: Index, known: Mapping[str, Value]) -> Value:
-    """Return the item of a list that an index expression selects."""
+    """Return the list item that an index expression selects."""
     values, index = evaluate_with_vectors(node.container, known), _evaluate_number(node.index, known)
     if not isinstance(values, tuple):
         raise MacroFault(node.position, f"{describe_kind(values)} has no items")
@@ -255,7 +257,7 @@ def _select_item(values: Value, index: int, position: int) -> Value:
     if isinstance(values, Items) and values and index >= 0:
         return values[index if index < len(values) else 0]
     if not 0 <= index < len(values):
-        raise MacroFault(position, f"no item {index} in a list of {len(values)}; items count from 0")
+        raise MacroFault(position, f"no item {index} in a list of {len(values)}; the first item is item 0")
     return values[index]
 
 

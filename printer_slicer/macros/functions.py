@@ -14,8 +14,8 @@ from printer_slicer.macros.values import (
     Pattern,
     Value,
     describe_kind,
-    first_item,
     format_value,
+    get_first_item,
     is_equal,
     round_to_whole,
 )
@@ -33,7 +33,7 @@ _PATTERN_BYTES: Final = 1 << 23
 
 
 class MisusedFunction(Exception):  # noqa: N818 - becomes a MacroFault once its position is known
-    """An error: a function was called with invalid arguments."""
+    """Raised when a function is called with invalid arguments."""
 
 
 def matches(text: str, pattern: str) -> bool:
@@ -67,7 +67,7 @@ def _flatten_numbers(values: Sequence[Value]) -> list[float]:
     if len(values) == 1 and isinstance(values[0], tuple):
         flat = values[0]
     numbers: list[float] = []
-    for value in map(first_item, flat):
+    for value in map(get_first_item, flat):
         if isinstance(value, (bool, str, tuple)):
             raise MisusedFunction(f"expected a number, got {describe_kind(value)}")
         numbers.append(value)
@@ -95,7 +95,7 @@ def _wrap_value_function(count: int, function: Callable[..., Value], kinds: type
         """Check the arguments and call the function."""
         if len(values) != count:
             raise MisusedFunction(f"expected {count} arguments, got {len(values)}")
-        values = [first_item(one) for one in values] if kinds is str else values
+        values = [get_first_item(one) for one in values] if kinds is str else values
         for value in values:
             if not isinstance(value, kinds):
                 raise MisusedFunction(f"expected a text, got {describe_kind(value)}")
@@ -136,7 +136,7 @@ def _make_number_formatter(fill: str) -> Callable[..., str]:
     )
 
 
-def _square_root(value: float) -> float:
+def _compute_square_root(value: float) -> float:
     """Return the square root of a number that is not negative."""
     if value < -TOLERANCE:
         raise MisusedFunction(f"{value:g} has no square root")
@@ -172,16 +172,16 @@ def _choose_random_number(values: Sequence[Value]) -> Value:
 
 def _repeat(values: Sequence[Value]) -> Value:
     """Return a list with a value repeated; the arguments are the count and the value."""
-    count, value = map(first_item, values) if len(values) == 2 else ("", "")
+    count, value = map(get_first_item, values) if len(values) == 2 else ("", "")
     if isinstance(count, (bool, str, tuple)) or not 0 <= count <= LONGEST_TEXT or isinstance(value, tuple):
-        raise MisusedFunction(f"expected a count up to {LONGEST_TEXT} and a value")
+        raise MisusedFunction(f"expected a count of at most {LONGEST_TEXT} and a value")
     return Items([value] * int(count))
 
 
 def _interpolate(values: Sequence[Value]) -> Value:
     """Interpolate a table of points (x, y) at x; beyond its ends, return the first or last y."""
     points = [_flatten_numbers([one]) for one in values[1:]]
-    x = _flatten_numbers([first_item(values[0])])[0] if values else 0.0
+    x = _flatten_numbers([get_first_item(values[0])])[0] if values else 0.0
     if not points or any(len(one) != 2 for one in points) or any(a[0] >= b[0] for a, b in pairwise(points)):
         raise MisusedFunction("expected x and points (x, y) sorted by x")
     if x <= points[0][0]:
@@ -194,7 +194,7 @@ def _interpolate(values: Sequence[Value]) -> Value:
 
 def _matches_any(values: Sequence[Value]) -> Value:
     """Return whether a text equals one of the texts or matches one of the patterns."""
-    texts = [first_item(value) for value in values]
+    texts = [get_first_item(value) for value in values]
     if len(texts) < 2 or not all(isinstance(one, str) for one in texts):
         raise MisusedFunction("expected texts or patterns")
     text, *others = map(str, texts)
@@ -213,7 +213,7 @@ FUNCTIONS: Final[Mapping[str, _Function]] = {
     "floor": _wrap_number_function(1, 1, round_to_whole),
     "ceil": _wrap_number_function(1, 1, lambda value: round_to_whole(value, up=True)),
     "int": _wrap_number_function(1, 1, _truncate),
-    "sqrt": _wrap_number_function(1, 1, _square_root),
+    "sqrt": _wrap_number_function(1, 1, _compute_square_root),
     "digits": _wrap_number_function(2, 3, _make_number_formatter(">")),
     "zdigits": _wrap_number_function(2, 3, _make_number_formatter("0")),
     "fixed": _wrap_number_function(2, 2, lambda value, digits: f"{value:z.{_check_digit_count(digits)}f}"),

@@ -7,7 +7,14 @@ from typing import Final
 
 from printer_slicer.macros.values import Items, Value
 
-__all__ = ["END_FACTS", "FACTS", "LAYER_FACTS", "add_other_names", "known_names", "map_prusaslicer_names"]
+__all__ = [
+    "END_FACTS",
+    "FACTS",
+    "LAYER_FACTS",
+    "add_names_of_other_slicers",
+    "get_placeholder_names",
+    "map_prusaslicer_names",
+]
 
 _PRUSASLICER: Final[Mapping[str, str]] = {
     # material
@@ -180,12 +187,12 @@ def map_prusaslicer_names() -> Mapping[str, str]:
     return _PRUSASLICER
 
 
-def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset[str]:
+def get_placeholder_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset[str]:
     """Return all placeholder names of a macro.
 
     Args:
-        macro: its setting, such as `layer_gcode`.
-        settings: names of settings.
+        macro: name of the setting that holds the macro, such as `layer_gcode`.
+        settings: names of settings to include.
     """
     further = END_FACTS if macro == "end_gcode" else frozenset()
     if macro in ("before_layer_gcode", "layer_gcode", "pause_gcode"):
@@ -193,7 +200,7 @@ def known_names(macro: str, settings: frozenset[str] = frozenset()) -> frozenset
     return settings | FACTS | further | _PRUSASLICER.keys() | _OTHER_NAMES.keys()
 
 
-def add_other_names(known: Mapping[str, Value]) -> dict[str, Value]:
+def add_names_of_other_slicers(known: Mapping[str, Value]) -> dict[str, Value]:
     """Add placeholders with the names of other slicers; their values are vectors of one item.
 
     Args:

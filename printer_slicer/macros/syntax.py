@@ -36,7 +36,7 @@ __all__ = [
     "Token",
     "Unary",
     "Vector",
-    "names_in",
+    "find_names",
     "parse_expression",
 ]
 
@@ -72,8 +72,8 @@ class Token(NamedTuple):
     Attributes:
         kind: `float`, `int`, `name`, `text`, `pattern`, `sign` (including keywords) or `end`.
         text: the token as written; for a text or pattern, without its quotes or slashes.
-        at: start position.
-        behind: end position.
+        position: start position.
+        end_position: end position.
     """
 
     kind: str
@@ -148,7 +148,7 @@ class Call(Struct, frozen=True):
 Node = Literal | Name | Unary | Binary | Choice | Index | Vector | Call
 
 
-def names_in(node: Node) -> Iterator[Name | Call]:
+def find_names(node: Node) -> Iterator[Name | Call]:
     """Yield all names and function calls in a tree."""
     inner: tuple[Node, ...] = ()
     match node:
@@ -166,7 +166,7 @@ def names_in(node: Node) -> Iterator[Name | Call]:
         case Vector():
             inner = node.items
     for one in inner:
-        yield from names_in(one)
+        yield from find_names(one)
 
 
 def parse_expression(text: str) -> Node:
@@ -307,7 +307,7 @@ class ExpressionReader:
         return left
 
     def _parse_signs(self, parse_operand: Callable[[], Node], *texts: str) -> Node:
-        """Parse any number of unary operators and their operand."""
+        """Parse any number of unary operators, and the operand after them."""
         signs: list[Token] = []
         while (sign := self.accept(*texts)) is not None:
             signs.append(sign)

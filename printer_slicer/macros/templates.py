@@ -24,8 +24,8 @@ from contextlib import suppress
 from typing import Final, Never
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros.evaluation import check_known, evaluate, evaluate_with_vectors, is_true
-from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, names_in
+from printer_slicer.macros.evaluation import check_name_exists, evaluate, evaluate_with_vectors, is_true
+from printer_slicer.macros.syntax import ExpressionReader, Index, Literal, Name, Node, Token, find_names
 from printer_slicer.macros.values import Items, MacroFault, UnknownName, Value, format_value
 from printer_slicer.values import Struct, field
 
@@ -80,9 +80,9 @@ class Template(Struct, frozen=True):
     """A parsed macro.
 
     Attributes:
-        place: name of its setting, for errors.
-        source: its text.
-        pieces: text, expressions, assignments, blocks.
+        place: name of the setting that holds the macro, for errors.
+        source: text of the macro.
+        pieces: texts, expressions, assignments and blocks.
     """
 
     place: str
@@ -119,7 +119,7 @@ class Template(Struct, frozen=True):
             _raise_error(fault, self.place, self.source)
         return "".join(text).strip("\n").splitlines()
 
-    def possible_lines(self, known: Mapping[str, Value], unknown: str = "0") -> list[str]:
+    def list_possible_lines(self, known: Mapping[str, Value], unknown: str = "0") -> list[str]:
         """Return the lines of all branches that may be used.
 
         Conditions that depend only on the macro itself are evaluated; all others may be true or false.
@@ -152,9 +152,9 @@ class Template(Struct, frozen=True):
                 if isinstance(piece, _Block)
                 else [piece.tree]
             )
-            for one in (one for tree in trees for one in names_in(tree)):
+            for one in (one for tree in trees for one in find_names(tree)):
                 try:
-                    check_known(one, defined)
+                    check_name_exists(one, defined)
                 except UnknownName as fault:
                     if not (isinstance(piece, _Insertion) and piece.is_in_comment):
                         yield fault
@@ -228,7 +228,7 @@ class _Renderer(Struct):
             where = self.own if name in self.own else self.shared
             if name not in where:
                 raise MacroFault(
-                    piece.name.position, f"no variable {name}", f"Define it with {{local {name} = ...}}"
+                    piece.name.position, f"unknown variable {name}", f"Define it with {{local {name} = ...}}"
                 )
         if piece.index is not None:
             value = self._replace_item(where[name], piece.index, value)
@@ -239,11 +239,12 @@ class _Renderer(Struct):
         index = evaluate(index_node, self.names)
         if not isinstance(values, tuple) or isinstance(value, tuple) or not isinstance(index, int):
             raise MacroFault(
-                index_node.position, "only an item of a list, with a whole number as index, can be assigned"
+                index_node.position,
+                "an assignment to an item needs a list, a whole-number index and a single value",
             )
         if not 0 <= index < len(values):
             raise MacroFault(
-                index_node.position, f"no item {index} in a list of {len(values)}; items count from 0"
+                index_node.position, f"no item {index} in a list of {len(values)}; the first item is item 0"
             )
         return Items([*values[:index], value, *values[index + 1 :]])
 
@@ -313,7 +314,7 @@ def read_template(text: str, place: str) -> Template:
 
     Args:
         text: the macro.
-        place: name of its setting, for errors.
+        place: name of the setting that holds the macro, for errors.
 
     Raises:
         ProfileError: the macro has a syntax error; names setting, line and column.
@@ -423,7 +424,7 @@ def _parse_assignment_or_value(reader: ExpressionReader) -> Node | _Assignment:
 
 
 def _drop_silent_lines(flat: Iterator[_FlatPiece]) -> list[_FlatPiece]:
-    """Return the pieces; lines with only marks and assignments lose their spaces and line breaks."""
+    """Return the pieces without the spaces and line breaks of lines that hold only marks and assignments."""
     kept: list[_FlatPiece] = []
     line: list[_FlatPiece] = []
     for piece in (*flat, ""):
@@ -441,7 +442,7 @@ def _drop_silent_lines(flat: Iterator[_FlatPiece]) -> list[_FlatPiece]:
 def _nest_blocks(
     flat: list[_FlatPiece], place: int, open_marks: list[_Mark]
 ) -> tuple[tuple[_Piece, ...], int]:
-    """Return the pieces up to the end of their branch or of the macro, as nested blocks, and the index of the end."""
+    """Nest the pieces up to the end of a branch or of the macro into blocks; also return the index of that end."""
     pieces: list[_Piece] = []
     while place < len(flat):
         piece = flat[place]

@@ -18,10 +18,10 @@ __all__ = [
     "Value",
     "check_range",
     "describe_kind",
-    "first_item",
+    "format_literal",
     "format_value",
+    "get_first_item",
     "is_equal",
-    "literal",
     "round_to_whole",
 ]
 
@@ -54,7 +54,7 @@ class Pattern(str):
 
 
 class MacroFault(Exception):  # noqa: N818 - becomes a ProfileError once line and setting are known
-    """An error at a position of a macro, in characters from its start."""
+    """An error in a macro; its position is the number of characters before it."""
 
     def __init__(self, position: int, problem: str, remedy: str = "") -> None:
         super().__init__(problem)
@@ -76,23 +76,23 @@ def format_value(value: Value) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, Items):
-        return format_value(first_item(value))
+        return format_value(get_first_item(value))
     if isinstance(value, tuple):
         return ", ".join(format_value(item) for item in value)
     return str(value) if isinstance(value, int) else format_number(value)
 
 
-def literal(value: Value) -> str:
+def format_literal(value: Value) -> str:
     """Format a value as a literal of the macro language."""
     if isinstance(value, tuple):
-        return literal(value[0]) if len(value) == 1 else f"({', '.join(map(literal, value))})"
+        return format_literal(value[0]) if len(value) == 1 else f"({', '.join(map(format_literal, value))})"
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
         return f'"{escaped}"'
     return f"{value:.10f}".rstrip("0") if isinstance(value, float) else format_value(value)
 
 
-def first_item(value: Value) -> Value:
+def get_first_item(value: Value) -> Value:
     """Return a single value: the first item of a vector, or an empty text if the vector is empty."""
     if isinstance(value, Items):
         return value[0] if value else ""

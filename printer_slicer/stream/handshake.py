@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Final
 
-from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, wire_dialect_name
+from printer_slicer.firmware import WIRE_DIALECTS, WireDialect, match_wire_dialect
 from printer_slicer.stream.events import Identified
 from printer_slicer.stream.replies import Capability, Identity
 from printer_slicer.stream.send_history import PROBE_COMMAND
@@ -98,9 +98,9 @@ class Handshake:
     @property
     def dialect(self) -> WireDialect:
         """Return the dialect that the caller chose, otherwise the dialect of the reported firmware."""
-        return WIRE_DIALECTS[self._dialect or wire_dialect_name(self.firmware or "")]
+        return WIRE_DIALECTS[self._dialect or match_wire_dialect(self.firmware or "")]
 
     def make_identified_event(self) -> Identified:
         """Return the event with the firmware, capabilities and dialect of the printer."""
-        name = self._dialect or wire_dialect_name(self.firmware or "")
+        name = self._dialect or match_wire_dialect(self.firmware or "")
         return Identified(self.firmware or "", tuple(self._capabilities.items()), name, self.dialect.advice)

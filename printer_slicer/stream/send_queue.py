@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.firmware import flavour_of
+from printer_slicer.firmware import get_flavour
 from printer_slicer.gcode.lexer import is_macro, parse, strip
 from printer_slicer.gcode.state import MachineState, Place
 from printer_slicer.stream.ack_timer import ResponseTimeout
@@ -58,7 +58,7 @@ class SendQueue:
 
     def set_dialect(self, dialect: WireDialect) -> None:
         """Apply the protocol rules of the firmware that the printer has reported."""
-        self._machine.set_flavour(flavour_of(dialect))
+        self._machine.set_flavour(get_flavour(dialect))
 
     def inject(self, command: bytes) -> None:
         """Queue a command ahead of the job.

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import LINES, MORE_LINES, SIMULATED_FIRMWARES, Executor, Line, program_of
 
-from printer_slicer.firmware import FLAVOURS, WIRE_DIALECTS, flavour_of
+from printer_slicer.firmware import FLAVOURS, WIRE_DIALECTS, get_flavour
 from printer_slicer.gcode import read_moves
 from printer_slicer.gcode.lexer import is_macro, parse, read_commands
 from printer_slicer.gcode.move_actions import ReaderState
@@ -29,7 +29,7 @@ from printer_slicer.stream.send_queue import SendQueue
 from tests.effort import examples
 
 START = [b"G28", b"G90", b"G1 X10 Y20 Z30 F6000", b"G92 E0"]
-DIALECT = {flavour_of(dialect): dialect for dialect in WIRE_DIALECTS.values()}
+DIALECT = {get_flavour(dialect): dialect for dialect in WIRE_DIALECTS.values()}
 CEILING = {"nozzle": 80.0, "bed": 60.0}
 _USUAL = load_profile()
 PROFILE = msgspec.structs.replace(

@@ -17,7 +17,7 @@ from printer_slicer.gcode import Moves, read_moves, write_gcode
 from printer_slicer.gcode.facts import collect_end_facts, collect_layer_facts, collect_print_facts
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.dry_run.runner import dry_run
-from printer_slicer.macros import Value, known_names, read_template
+from printer_slicer.macros import Value, get_placeholder_names, read_template
 from printer_slicer.macros.functions import FUNCTIONS
 from printer_slicer.macros.names import FACTS
 from printer_slicer.model import Program
@@ -153,10 +153,10 @@ def test_every_name_that_imports_count_on_has_a_value() -> None:
     end = collect_end_facts(sliced(), plain())
     settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
 
-    assert known_names("start_gcode") <= everywhere.keys()
-    assert known_names("layer_gcode") == known_names("start_gcode") | layers.keys()
-    assert known_names("end_gcode") == known_names("start_gcode") | end.keys()
-    assert everywhere.keys() - settings - known_names("start_gcode") <= {"speeds.raft"}
+    assert get_placeholder_names("start_gcode") <= everywhere.keys()
+    assert get_placeholder_names("layer_gcode") == get_placeholder_names("start_gcode") | layers.keys()
+    assert get_placeholder_names("end_gcode") == get_placeholder_names("start_gcode") | end.keys()
+    assert everywhere.keys() - settings - get_placeholder_names("start_gcode") <= {"speeds.raft"}
 
 
 def test_global_variables_count_from_macro_to_macro_in_the_order_of_the_print() -> None:

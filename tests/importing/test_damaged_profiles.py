@@ -107,7 +107,7 @@ def check(path: Path) -> int:
 def readable(made: ImportedProfile, name: str, text: str) -> None:
     """Check that a macro can be read, or that the import has reported why not."""
     try:
-        read_template(text, name).possible_lines({})
+        read_template(text, name).list_possible_lines({})
     except ProfileError as error:
         why = str(error.args[0]).removeprefix(f"{name}: ").splitlines()[0].partition(": ")[2]
         assert any(why in note.text for note in made.notes), why

@@ -49,7 +49,7 @@ def test_settings_without_a_counterpart_are_variables_in_front_of_the_macro(tmp_
     more = {"printer_notes": 'MODEL_X \\"quoted\\"\\nline', "silent_mode": "1", "z_offset": "0.1"}
     made = printer_with(tmp_path, "start_gcode", text, **more)
     variables, _, rest = str(made.values["start_gcode"]).partition("\n")
-    lines = read_template(str(made.values["start_gcode"]), "start").possible_lines({})
+    lines = read_template(str(made.values["start_gcode"]), "start").list_possible_lines({})
 
     assert rest == text
     assert variables == (
@@ -140,7 +140,7 @@ def test_any_text_is_filled_in_or_an_error_that_says_where(text: str) -> None:
     except ProfileError as error:
         assert str(error).startswith("here: line ")  # noqa: PT017 - most texts are filled in
     else:
-        assert isinstance(macro.possible_lines({}), list)
+        assert isinstance(macro.list_possible_lines({}), list)
 
 
 def test_json_of_orca_and_bambu_is_kept_too(tmp_path: Path) -> None:

@@ -12,7 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.macros import Value, add_other_names, escape_braces, format_value, read_template
+from printer_slicer.macros import (
+    Value,
+    add_names_of_other_slicers,
+    escape_braces,
+    format_value,
+    read_template,
+)
 from printer_slicer.texts import format_number
 from tests.effort import examples
 
@@ -297,7 +303,7 @@ def test_blocks(text: str, expected: str) -> None:
         ("{endif}", 1, 1, ["without {if"]),
         ("{if on}{else}\n{elif on}{endif}", 2, 1, ["after {else}"]),
         ("{if}{endif}", 1, 4, ["without a condition"]),
-        ("{a = 3}", 1, 2, ["no variable a", "{local a"]),
+        ("{a = 3}", 1, 2, ["unknown variable a", "{local a"]),
         ("{if a = 3}{endif}", 1, 7, ["Write =="]),
         ("{a - name}", 1, 4, ["cannot apply - to a number and a text"]),
         ("{a b; c}", 1, 4, ["'b'"]),
@@ -392,18 +398,23 @@ def test_lines_of_all_branches_that_may_be_taken() -> None:
     text = "{local x = 5}M104 S{if a > 1}{x}{elsif on}7{endif} ; end\n"
     text += "{if x > 9}never{elsif x == 5}M1{else}no{endif}\n{b}"
 
-    assert read_template(text, "here").possible_lines({"b": 2.0}) == ["M104 S5", "M104 S7 ; end", "M1", "2"]
+    assert read_template(text, "here").list_possible_lines({"b": 2.0}) == [
+        "M104 S5",
+        "M104 S7 ; end",
+        "M1",
+        "2",
+    ]
 
 
 def test_a_variable_that_a_branch_may_have_changed_decides_nothing() -> None:
     text = "{local x = 1}{if a > 1}{x = 2}{endif}{if x == 1}A{else}B{endif}"
 
-    assert read_template(text, "here").possible_lines({}) == ["A", "B"]
+    assert read_template(text, "here").list_possible_lines({}) == ["A", "B"]
 
 
 # The names of other slicers
 
-SLICED: dict[str, Value] = add_other_names(
+SLICED: dict[str, Value] = add_names_of_other_slicers(
     {
         "first_layer_nozzle_temperature": 215.0, "nozzle_temperature": 210.0, "bed_temperature": 60.0,
         "first_layer_bed_temperature": 65.0, "nozzle_diameter": 0.4, "bed_z": 200.0, "max_layer_z": 12.5,

@@ -6,7 +6,7 @@ import pytest
 from conversation import HOT, Conversation, first, lines_of, moves, printing
 
 from printer_slicer.errors import UsageError
-from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, wire_dialect_name
+from printer_slicer.firmware import WIRE_DIALECTS, get_wire_dialect, match_wire_dialect
 from printer_slicer.gcode.lexer import parse
 from printer_slicer.stream.events import Finished, Halted, Identified, Probe, ResendRequested
 from printer_slicer.stream.framing import compute_checksum, frame_with_crc
@@ -64,7 +64,7 @@ def meet(commands: list[str], *introduction: str, **wishes: object) -> tuple[Con
     ],
 )
 def test_a_firmware_is_recognised_by_its_name(firmware: str, name: str) -> None:
-    assert wire_dialect_name(firmware) == name
+    assert match_wire_dialect(firmware) == name
 
 
 @pytest.mark.parametrize("name", WIRE_DIALECTS)

@@ -431,7 +431,7 @@ def _remove_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _find_macro_notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
     """Yield a note for each rejected command in the macros of a profile."""
-    from printer_slicer.macros import add_other_names
+    from printer_slicer.macros import add_names_of_other_slicers
     from printer_slicer.profile import profile_from
     from printer_slicer.profile.reading import flatten
 
@@ -445,7 +445,7 @@ def _find_macro_notes(one: ImportedProfile, others: Mapping[str, Mapping[str, An
             if isinstance(value, (bool, int, float, str)):
                 names[f"{kind}.{key}"] = value
                 names.setdefault(key, value)
-    known = add_other_names(names)
+    known = add_names_of_other_slicers(names)
     for name in _MACROS:
         commands = list(_list_macro_commands(str(one.values.get(name, "")), known))
         yield from _find_rejected_commands(commands, profile, f"{one.source}: {name}")
@@ -467,7 +467,7 @@ def _list_macro_commands(macro: str, names: Mapping[str, Value]) -> Iterator[byt
     from printer_slicer.macros import read_template
 
     try:
-        lines = read_template(macro, "").possible_lines(names)
+        lines = read_template(macro, "").list_possible_lines(names)
     except ProfileError:  # the import has reported it
         return
     for line in lines:
