@@ -27,8 +27,8 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.motion.planner_clock import PlannerClock, PlannerState
 from printer_slicer.motion.rules import Block, MotionLimits
-from printer_slicer.motion.vectorized import Blocks, squared_corner_speeds
-from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
+from printer_slicer.motion.vectorized import Blocks, compute_squared_corner_speeds
+from printer_slicer.motion.vectorized_lookahead import compute_lookahead_seconds
 from printer_slicer.stream.window import PROBE_BYTES
 from printer_slicer.values import Struct
 
@@ -269,7 +269,7 @@ def send_batch(
     """
     blocks, corners = _prepend_queued(planner, lines.blocks, limits)
     waiting, places = len(planner.queue), max(limits.planner_blocks - 1, 1)
-    seconds, squares = lookahead_seconds(blocks, corners, places - 2, planner.square)
+    seconds, squares = compute_lookahead_seconds(blocks, corners, places - 2, planner.square)
     # ends[k]: end of the block before block k, and start of block k.
     ends = np.append(planner.ends, planner.ends + np.cumsum(seconds))
     # For each line, the next block to plan before it, and the last block planned after it.
@@ -315,7 +315,9 @@ def _prepend_queued(planner: PlannerState, fresh: Blocks, limits: MotionLimits) 
         return blocks, known
     assert planner.last is not None
     row = _concatenate_blocks(_stack_blocks([planner.last]), fresh)
-    return blocks, np.append(known, squared_corner_speeds(limits, row.part(np.s_[:-1]), row.part(np.s_[1:])))
+    return blocks, np.append(
+        known, compute_squared_corner_speeds(limits, row.take_slice(np.s_[:-1]), row.take_slice(np.s_[1:]))
+    )
 
 
 def _stack_blocks(blocks: Sequence[Block]) -> Blocks:
@@ -521,7 +523,7 @@ class LinkRun:
             job.rooms[own],
             np.full(end - at, _OK_BYTES),
             job.moving[moves] - at,
-            job.blocks.part(moves),
+            job.blocks.take_slice(moves),
         )
         sent = send_batch(lines, planner, self._state, self.limits)
         if sent.done:

@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given
 from PIL import Image
 
-from printer_slicer.drawing import check_picture, picture_bytes
-from printer_slicer.drawing.canvas import Anchor, Box, Fill, Line, Picture, Text, text_width
+from printer_slicer.drawing import check_picture_path, encode_picture
+from printer_slicer.drawing.canvas import Anchor, Box, Fill, Line, Picture, Text, estimate_text_width
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import Areas
 from tests.strategies import clean_areas
@@ -95,15 +95,15 @@ def test_pillow_is_only_loaded_for_a_png() -> None:
     ("name", "begins"), [("a.png", b"\x89PNG"), ("a.PNG", b"\x89PNG"), ("a.svg", b"<svg"), ("-", b"<svg")]
 )
 def test_the_name_of_a_file_says_what_it_becomes(name: str, begins: bytes) -> None:
-    check_picture(Path(name))
+    check_picture_path(Path(name))
 
-    assert picture_bytes(Picture(30, 20, ()), Path(name)).startswith(begins)
+    assert encode_picture(Picture(30, 20, ()), Path(name)).startswith(begins)
 
 
 @pytest.mark.parametrize("name", ["a.jpg", "a", ".png", "a.svg.gz", "png"])
 def test_other_kinds_of_pictures_are_refused_and_the_two_are_named(name: str) -> None:
     with pytest.raises(UsageError, match=r"(?s)\.svg or \.png"):
-        picture_bytes(Picture(30, 20, ()), Path(name))
+        encode_picture(Picture(30, 20, ()), Path(name))
 
 
 # SVG
@@ -133,4 +133,4 @@ def test_areas_too_small_to_see_make_no_outline_and_no_fault() -> None:
 def test_text_is_given_at_least_the_room_that_it_takes(text: str) -> None:
     columns = np.flatnonzero(dark([Text(5, 100, text, 20)]).any(axis=0))
 
-    assert columns[-1] - columns[0] <= text_width(text, 20)
+    assert columns[-1] - columns[0] <= estimate_text_width(text, 20)

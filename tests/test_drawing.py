@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from printer_slicer.arrays import Float
-from printer_slicer.drawing import draw_layer, draw_plan, layer_picture
+from printer_slicer.drawing import draw_layer, draw_plan, draw_program_layer
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Text
-from printer_slicer.drawing.colours import height_colours
+from printer_slicer.drawing.colours import choose_height_colours
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Sections
 from printer_slicer.pipeline import slice_part
@@ -335,7 +335,7 @@ def lightness(colour: str) -> float:
 @given(st.lists(st.integers(5, 80), min_size=2, max_size=60))
 def test_thicker_layers_are_lighter_and_equal_ones_have_one_colour(steps: list[int]) -> None:
     heights = np.array(sorted(steps)) * 0.005
-    light = [lightness(colour) for colour in height_colours(heights)]
+    light = [lightness(colour) for colour in choose_height_colours(heights)]
     rises = np.diff(heights) > 0
 
     assert (np.diff(light)[rises] > 0).all()
@@ -344,7 +344,7 @@ def test_thicker_layers_are_lighter_and_equal_ones_have_one_colour(steps: list[i
 
 @given(st.sets(st.integers(5, 80), min_size=2, max_size=8))
 def test_a_few_heights_differ_in_lightness_alone_by_what_everybody_sees(steps: set[int]) -> None:
-    light = [lightness(colour) for colour in height_colours(np.array(sorted(steps)) * 0.005)]
+    light = [lightness(colour) for colour in choose_height_colours(np.array(sorted(steps)) * 0.005)]
 
     assert np.diff(light).min() > 2.3  # CIE76: a difference that is just noticeable
     assert light[-1] - light[0] > 35
@@ -536,7 +536,7 @@ def test_a_layer_with_one_straight_bead_is_drawn() -> None:
 
 
 def test_the_roles_of_a_layer_are_named_and_its_png_is_as_large() -> None:
-    picture = layer_picture(PROGRAM, 0)
+    picture = draw_program_layer(PROGRAM, 0)
 
     assert {"External perimeter", "Perimeter", "Solid infill", "Skirt/Brim"} <= set(words(picture))
     assert pixels(picture).shape == (picture.height, picture.width, 3)

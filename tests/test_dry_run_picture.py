@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from printer_slicer.drawing.canvas import Box, Line, Picture, Text, text_width, wrap_text
-from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture
+from printer_slicer.drawing.canvas import Box, Line, Picture, Text, estimate_text_width, wrap_text
+from printer_slicer.drawing.dry_run import FaultMark, draw_dry_run
 from printer_slicer.inspection.deposition.timeline import TimelineRecorder
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.inspection.dry_run.set_points import find_set_points
@@ -24,7 +24,7 @@ def picture(*found: FaultMark) -> Picture:
     job = job_of(slice_stages(box((12, 12, 3)), PROFILE), PROFILE)
     deposition = dry_run(job, PROFILE).deposition
     assert deposition is not None
-    return dry_run_picture(
+    return draw_dry_run(
         deposition,
         find_set_points(job.commands, PROFILE.printer.flavour),
         found,
@@ -62,7 +62,7 @@ def test_no_text_leaves_the_frame() -> None:
     marks = [FaultMark(f"line {k}: " + "something long " * 30, k * 0.1, (500.0, -9.0)) for k in range(12)]
     made = picture(*marks)
     for text in (shape for shape in made.shapes if isinstance(shape, Text)):
-        wide = text_width(text.text, text.size)
+        wide = estimate_text_width(text.text, text.size)
         left = text.x - {"start": 0.0, "middle": wide / 2, "end": wide}[text.anchor]
         assert left >= 0
         assert left + wide <= made.width + 4
@@ -103,5 +103,5 @@ def test_texts_are_wrapped_within_their_room() -> None:
     lines = wrap_text("one two three four five six seven", 10, 80)
 
     assert len(lines) == 2
-    assert all(text_width(line, 10) <= 80 for line in lines)
+    assert all(estimate_text_width(line, 10) <= 80 for line in lines)
     assert lines[1].endswith("…")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from printer_slicer import bead
-from printer_slicer.drawing import View, gcode_layer_picture
+from printer_slicer.drawing import View, draw_gcode_layer
 from printer_slicer.drawing.canvas import Fill, Line, Picture, Strokes, Text
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.gcode_extrusions import extrusions_of_gcode
@@ -67,7 +67,7 @@ ZIGZAG = path([(0, 0), (20, 0), (20, 6), (3, 6), (11, 13)], 0.2, 0.2, 0.8)
 
 def test_the_png_is_coloured_where_plastic_lies_and_nowhere_else() -> None:
     sheet = laid(*ZIGZAG)
-    picture = gcode_layer_picture(sheet, "", View(pixels=600))
+    picture = draw_gcode_layer(sheet, "", View(pixels=600))
     drawn = pixels(picture)[60:-44]
     coloured = (255 * 3 - drawn.sum(axis=2)) > 290  # half of what edges differ from white
 
@@ -76,7 +76,7 @@ def test_the_png_is_coloured_where_plastic_lies_and_nowhere_else() -> None:
 
 def test_each_bead_is_as_wide_as_what_is_fed_says() -> None:
     sheet = laid(*path([(0, 0), (20, 0)], 0.2, 0.2, 0.4), *path([(0, 3), (20, 3)], 0.2, 0.2, 0.9))
-    picture = gcode_layer_picture(sheet, "")
+    picture = draw_gcode_layer(sheet, "")
     edges = strokes(picture, "edge")
 
     assert [one.widths[0] / scale_of(picture) for one in edges] == pytest.approx([0.4, 0.9], abs=0.005)
@@ -90,7 +90,7 @@ def test_a_bead_of_changing_width_is_one_path_of_many_pieces() -> None:
         x += 5
         fed = 5 * bead.cross_section(width, 0.2) / (pi * 1.75**2 / 4)
         lines.append(f"G1 X{x:g} E{fed:.7f}")
-    picture = gcode_layer_picture(laid(*lines), "")
+    picture = draw_gcode_layer(laid(*lines), "")
     (edge,), (inside,) = strokes(picture, "edge"), strokes(picture, "unknown")
 
     assert np.array(edge.widths) / scale_of(picture) == pytest.approx(widths, abs=0.005)
@@ -108,7 +108,7 @@ def test_of_two_beads_that_overlap_the_later_one_is_seen_whole() -> None:
     colours = []
     for lines in cases.values():
         sheet = laid(*lines)
-        picture = gcode_layer_picture(sheet, "", View(pixels=500))
+        picture = draw_gcode_layer(sheet, "", View(pixels=500))
         last = [one for one in picture.shapes if isinstance(one, Strokes)][-1]
         (x, y) = last.lines[0].mean(axis=0)
         colours.append((pixels(picture)[round(y), round(x)].tolist(), last.colour))
@@ -120,7 +120,7 @@ def test_of_two_beads_that_overlap_the_later_one_is_seen_whole() -> None:
 def test_what_of_the_section_has_no_plastic_is_seen() -> None:
     sheet = laid(*ZIGZAG)
     square = np.array([(4.0, 1.0), (18.0, 1.0), (18.0, 5.0), (4.0, 5.0)])
-    picture = gcode_layer_picture(sheet, "", View(pixels=600, section=[square]))
+    picture = draw_gcode_layer(sheet, "", View(pixels=600, section=[square]))
     empty = next(one for one in picture.shapes if isinstance(one, Fill))
     colour = np.array([int(empty.colour[i : i + 2], 16) for i in (1, 3, 5)])
     seen = (np.abs(pixels(picture)[90:] - colour).sum(axis=2) < 10).sum() / scale_of(picture) ** 2
@@ -133,7 +133,7 @@ def test_title_and_legend_say_what_there_is() -> None:
     sheet = laid(
         ";TYPE:External perimeter", *ZIGZAG, ";TYPE:Top solid infill", *path([(3, 2), (9, 2)], 0.2, 0.2)
     )
-    found = words(gcode_layer_picture(sheet, "part.gcode"))
+    found = words(draw_gcode_layer(sheet, "part.gcode"))
 
     assert found[0] == "part.gcode: layer 1 of 1, z 0.2 mm, 0.2 mm high"
     assert found[1:-1] == ["External perimeter", "Top solid infill"]
@@ -141,14 +141,14 @@ def test_title_and_legend_say_what_there_is() -> None:
 
 def test_the_legend_leaves_out_what_the_box_leaves_out() -> None:
     sheet = laid(";TYPE:Perimeter", *ZIGZAG, ";TYPE:Skirt", *path([(-9, -9), (30, -9)], 0.2, 0.2))
-    picture = gcode_layer_picture(sheet, "", View(((10.0, 4.0), (2.0, 8.0))))
+    picture = draw_gcode_layer(sheet, "", View(((10.0, 4.0), (2.0, 8.0))))
 
     assert words(picture)[1:-1] == ["Perimeter"]
 
 
 def test_ways_of_the_nozzle_are_seen_if_they_are_asked_for() -> None:
     sheet = laid(*path([(0, 0), (9, 0)], 0.2, 0.2), "G0 X9 Y4", *path([(0, 4), (3, 4)], 0.2, 0.2))
-    with_them, without = (gcode_layer_picture(sheet, "", View(travel=travel)) for travel in (True, False))
+    with_them, without = (draw_gcode_layer(sheet, "", View(travel=travel)) for travel in (True, False))
     ways = [one for one in with_them.shapes if isinstance(one, Line) and one.name == "travel"]
 
     assert [len(way.points) for way in ways] == [3]
@@ -169,7 +169,7 @@ def test_a_box_shows_what_a_cut_of_the_beads_shows(
 ) -> None:
     low, high = np.minimum(one, other) / 2, np.maximum(one, other) / 2 + 1.0
     sheet = laid(*path([(x / 2, y / 2) for x, y in [*corners, (70, 70)]], 0.2, 0.2, 0.5))
-    picture = gcode_layer_picture(sheet, "", View(((low[0], high[1]), (high[0], low[1])), pixels=500))
+    picture = draw_gcode_layer(sheet, "", View(((low[0], high[1]), (high[0], low[1])), pixels=500))
     scale = scale_of(picture)
     drawn = sum(
         float(np.hypot(*np.diff(line, axis=0).T).sum()) for s in strokes(picture, "edge") for line in s.lines
@@ -184,9 +184,7 @@ def test_a_box_shows_what_a_cut_of_the_beads_shows(
 @given(clean_areas(1))
 def test_the_section_is_cut_to_the_box_with_its_holes(areas: Areas) -> None:
     sheet = laid(*path([(-30, -30), (30, 30)], 0.2, 0.2))
-    picture = gcode_layer_picture(
-        sheet, "", View(((-5.0, -5.0), (7.0, 4.0)), 800, section=list(areas.rings(0)))
-    )
+    picture = draw_gcode_layer(sheet, "", View(((-5.0, -5.0), (7.0, 4.0)), 800, section=list(areas.rings(0))))
     scale = scale_of(picture)
     rings = [ring for one in picture.shapes if isinstance(one, Fill) for ring in one.rings]
     x, y = 4 / scale * np.ones(2)
@@ -199,7 +197,7 @@ def test_the_section_is_cut_to_the_box_with_its_holes(areas: Areas) -> None:
 
 
 def test_the_svg_has_every_line_to_a_tenth_of_a_px() -> None:
-    picture = gcode_layer_picture(laid(*ZIGZAG), "a & b")
+    picture = draw_gcode_layer(laid(*ZIGZAG), "a & b")
     root = ET.fromstring(picture.svg())  # this package wrote it
     (edge,) = strokes(picture, "edge")
     (found,) = [one for one in root.iter(f"{SVG}path") if one.get("class") == "edge"]
@@ -214,7 +212,7 @@ def test_a_layer_of_thousands_of_beads_makes_a_small_file() -> None:
     back_and_forth = [
         (x / 4, y) for i in range(1000) for x, y in ([(i, 0), (i, 9)] if i % 2 else [(i, 9), (i, 0)])
     ]
-    text = gcode_layer_picture(laid(*path(back_and_forth, 0.2, 0.2, 0.25)), "").svg()
+    text = draw_gcode_layer(laid(*path(back_and_forth, 0.2, 0.2, 0.25)), "").svg()
 
     assert len(text) < 40_000
 
@@ -227,4 +225,4 @@ def test_a_layer_without_a_place_cannot_be_drawn() -> None:
     )
 
     with pytest.raises(ValueError, match="nothing to draw"):
-        gcode_layer_picture(empty, "")
+        draw_gcode_layer(empty, "")

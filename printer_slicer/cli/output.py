@@ -211,9 +211,9 @@ def check_outputs(arguments: argparse.Namespace) -> None:
         UsageError: several outputs go to stdout or to one file, or the picture format is unknown.
     """
     if arguments.picture:
-        from printer_slicer.drawing import check_picture
+        from printer_slicer.drawing import check_picture_path
 
-        check_picture(arguments.picture)
+        check_picture_path(arguments.picture)
     outputs = {"-o": getattr(arguments, "output", None), "--picture": arguments.picture}
     on_stdout = [f"{flag} -" for flag, path in outputs.items() if str(path) == "-"]
     on_stdout += ["--json"] if arguments.json else []

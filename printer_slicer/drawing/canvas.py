@@ -41,10 +41,10 @@ __all__ = [
     "Shape",
     "Strokes",
     "Text",
-    "check_picture",
+    "check_picture_path",
+    "encode_picture",
+    "estimate_text_width",
     "fit_text",
-    "picture_bytes",
-    "text_width",
     "wrap_text",
 ]
 
@@ -56,7 +56,7 @@ _SVG_SCALE: Final = 10  # SVG coordinates of areas are integers in tenths of a p
 _PNG_SCALE: Final = 3  # PNGs are drawn this many times larger and then reduced, for smooth edges
 _PIL_ANCHOR: Final = {"start": "ls", "middle": "ms", "end": "rs"}
 _SUPERSCRIPTS: Final = {"²": "2", "³": "3"}
-_SUPERSCRIPT_SIZE, _SUPERSCRIPT_RISE = 0.62, 0.36  # of the size of the text
+_SUPERSCRIPT_SIZE, _SUPERSCRIPT_RISE = 0.62, 0.36  # fractions of the size of the text
 
 
 class Fill(Struct, frozen=True, eq=False):
@@ -82,7 +82,7 @@ class Line(Struct, frozen=True, eq=False):
         width: px.
         dash: lengths of dash and gap, px; empty for a solid line.
         round: whether the ends are round; they extend the line by half its width.
-        name: as with `Fill`.
+        name: class in the SVG; may be empty.
     """
 
     points: Float
@@ -94,7 +94,7 @@ class Line(Struct, frozen=True, eq=False):
 
 
 class Box(Struct, frozen=True):
-    """An upright rectangle; `edge` is the colour of a thin line around it, empty for none."""
+    """A rectangle with horizontal and vertical sides; `edge` is the colour of a thin outline, empty for none."""
 
     x: float
     y: float
@@ -124,7 +124,7 @@ class Strokes(Struct, frozen=True, eq=False):
         lines: (n, 2) px each, at least two points.
         widths: width of each line, px.
         colour: "#rrggbb".
-        name: as with `Fill`.
+        name: class in the SVG; may be empty.
     """
 
     lines: tuple[Float, ...]
@@ -134,7 +134,7 @@ class Strokes(Struct, frozen=True, eq=False):
 
 
 class Raster(Struct, frozen=True, eq=False):
-    """An image of pixels (h, w, 4), RGBA from 0 to 255, drawn in the given size."""
+    """An image of pixels (h, w, 4), RGBA from 0 to 255, that is scaled to `width` and `height` in px."""
 
     x: float
     y: float
@@ -169,7 +169,7 @@ class Picture(Struct, frozen=True, eq=False):
         )
         title = f"<title>{escape(_replace_control_characters(self.title))}</title>"
         back = f'<rect width="{self.width}" height="{self.height}" fill="#ffffff"/>'
-        return "\n".join([head, title, back, *_svg_parts(self.shapes), "</svg>"]) + "\n"
+        return "\n".join([head, title, back, *_format_svg_shapes(self.shapes), "</svg>"]) + "\n"
 
     def _repr_svg_(self) -> str:
         """Return the SVG for notebooks."""
@@ -186,7 +186,7 @@ class Picture(Struct, frozen=True, eq=False):
             OutputError: the file cannot be written.
         """
         where = Path(path)
-        save(where, picture_bytes(self, where))
+        save(where, encode_picture(self, where))
 
     def png(self) -> bytes:
         """Return the picture as a PNG file, one pixel per px.
@@ -221,17 +221,17 @@ _BOLD_FACTOR: Final = 1.08
 """Width of bold letters divided by that of regular letters."""
 
 
-def text_width(text: str, size: float, *, bold: bool = False) -> float:
-    """Estimate the width of a line of text in px; fonts of SVG viewers are hardly wider than this."""
+def estimate_text_width(text: str, size: float, *, bold: bool = False) -> float:
+    """Estimate the width of a line of text in px, for the widest fonts that SVG viewers use."""
     n_wide = sum(unicodedata.east_asian_width(letter) in "WF" for letter in text)
     return size * (0.58 * (len(text) - n_wide) + 1.02 * n_wide) * (_BOLD_FACTOR if bold else 1)
 
 
 def fit_text(text: str, size: float, max_width: float, *, bold: bool = False) -> str:
     """Shorten a line of text with an ellipsis until it is at most `max_width` px wide."""
-    if text_width(text, size, bold=bold) <= max_width:
+    if estimate_text_width(text, size, bold=bold) <= max_width:
         return text
-    while text and text_width(f"{text}…", size, bold=bold) > max_width:
+    while text and estimate_text_width(f"{text}…", size, bold=bold) > max_width:
         text = text[:-1]
     return f"{text.rstrip()}…"
 
@@ -243,14 +243,14 @@ def wrap_text(
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word
-        if lines and (len(lines) == max_lines or text_width(longer, size, bold=bold) <= max_width):
+        if lines and (len(lines) == max_lines or estimate_text_width(longer, size, bold=bold) <= max_width):
             lines[-1] = longer
         else:
             lines.append(word)
     return [fit_text(line, size, max_width, bold=bold) for line in lines]
 
 
-def check_picture(path: Path) -> None:
+def check_picture_path(path: Path) -> None:
     """Check that a file name ends in .svg or .png; `-` stands for SVG on stdout.
 
     Raises:
@@ -264,13 +264,13 @@ def check_picture(path: Path) -> None:
     raise UsageError(f"{path}: {what}", remedy="Use a name that ends in .svg or .png, or - for SVG on stdout")
 
 
-def picture_bytes(picture: Picture, path: Path) -> bytes:
+def encode_picture(picture: Picture, path: Path) -> bytes:
     """Return the picture in the format of a file name: PNG for .png, SVG for .svg and `-`.
 
     Raises:
         UsageError: the name has another suffix.
     """
-    check_picture(path)
+    check_picture_path(path)
     return picture.png() if path.suffix.lower() == ".png" else picture.svg().encode()
 
 
@@ -287,32 +287,32 @@ _SVG_GROUPS: Final[Mapping[type, str]] = {
 }
 
 
-def _svg_parts(shapes: Sequence[Shape]) -> Iterator[str]:
+def _format_svg_shapes(shapes: Sequence[Shape]) -> Iterator[str]:
     """Yield one SVG element per shape; areas and strokes are grouped, with coordinates in tenths of a px."""
     for kind, several in groupby(shapes, type):
         style = _SVG_GROUPS.get(kind)
         if style is not None:
             yield f'<g transform="scale({1 / _SVG_SCALE:g})"{style}>'
-        yield from map(_svg_part, several)
+        yield from map(_format_svg_shape, several)
         if style is not None:
             yield "</g>"
 
 
-def _svg_part(shape: Shape) -> str:
+def _format_svg_shape(shape: Shape) -> str:
     """Return the SVG element of a shape."""
     match shape:
         case Fill():
-            outline = "".join(map(_svg_ring, shape.rings))
-            return f'<path{_svg_class(shape.name)} fill="{shape.colour}" d="{outline}"/>'
+            outline = "".join(map(_format_svg_ring, shape.rings))
+            return f'<path{_format_svg_class(shape.name)} fill="{shape.colour}" d="{outline}"/>'
         case Line():
-            return _svg_line(shape)
+            return _format_svg_line(shape)
         case Strokes():
-            return _svg_strokes(shape)
+            return _format_svg_strokes(shape)
         case Box():
             edge = f' stroke="{shape.edge}" stroke-width="{_EDGE_WIDTH}"' if shape.edge else ""
             size = f'width="{shape.width:.2f}" height="{shape.height:.2f}"'
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" {size}'
-            return f'<rect{_svg_class(shape.name)} {place} fill="{shape.colour}"{edge}/>'
+            return f'<rect{_format_svg_class(shape.name)} {place} fill="{shape.colour}"{edge}/>'
         case Raster():
             data = b64encode(encode_image(shape.pixels, "PNG")).decode("ascii")
             place = f'x="{shape.x:.2f}" y="{shape.y:.2f}" width="{shape.width}" height="{shape.height}"'
@@ -325,12 +325,12 @@ def _svg_part(shape: Shape) -> str:
             return f"<text {place} {style}>{escape(_replace_control_characters(shape.text))}</text>"
 
 
-def _svg_class(name: str) -> str:
+def _format_svg_class(name: str) -> str:
     """Return the class attribute for a name; empty without a name."""
     return f' class="{name}"' if name else ""
 
 
-def _svg_ring(ring: Float) -> str:
+def _format_svg_ring(ring: Float) -> str:
     """Return the SVG path of a closed outline in tenths of a px: its first point, then relative steps."""
     place = np.rint(ring * _SVG_SCALE).astype(np.int64)
     steps = np.diff(place, axis=0)
@@ -339,7 +339,7 @@ def _svg_ring(ring: Float) -> str:
     return f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist()))}z" if len(steps) > 1 else ""
 
 
-def _svg_strokes(strokes: Strokes) -> str:
+def _format_svg_strokes(strokes: Strokes) -> str:
     """Return one SVG path for each stroke width, with lengths in tenths of a px."""
     paths_by_width: dict[str, list[str]] = {}
     for points, width in zip(strokes.lines, strokes.widths, strict=True):
@@ -349,33 +349,33 @@ def _svg_strokes(strokes: Strokes) -> str:
         x, y = place[0].tolist()
         path = f"M{x} {y}l{' '.join(map(str, steps.ravel().tolist() or [0, 0]))}"
         paths_by_width.setdefault(f"{width * _SVG_SCALE:.1f}".removesuffix(".0"), []).append(path)
-    name = _svg_class(strokes.name)
+    name = _format_svg_class(strokes.name)
     return "".join(
         f'<path{name} stroke="{strokes.colour}" stroke-width="{width}" d="{"".join(path)}"/>'
         for width, path in paths_by_width.items()
     )
 
 
-def _svg_line(line: Line) -> str:
+def _format_svg_line(line: Line) -> str:
     """Return the SVG path of a line."""
     points = "L".join(f"{x:.2f} {y:.2f}" for x, y in line.points.tolist())
     dash = f' stroke-dasharray="{line.dash[0]:g} {line.dash[1]:g}"' if line.dash else ""
     ends = ' stroke-linecap="round" stroke-linejoin="round"' if line.round else ""
     stroke = f'stroke="{line.colour}" stroke-width="{line.width:.2f}"{ends}{dash}'
-    return f'<path{_svg_class(line.name)} fill="none" d="M{points}" {stroke}/>'
+    return f'<path{_format_svg_class(line.name)} fill="none" d="M{points}" {stroke}/>'
 
 
 # PNG
 
 
 def _to_png_pixels(points: Float) -> Float:
-    """Convert points from px to pixels of the enlarged PNG; Pillow counts the centres of pixels."""
+    """Convert points from px to pixels of the enlarged PNG; Pillow's coordinates refer to the centres of pixels."""
     return points * _PNG_SCALE - 0.5
 
 
 def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
     rings = [_to_png_pixels(ring) for ring in fill.rings if len(ring) > 2]
-    sizes = [_signed_area(ring) for ring in rings]
+    sizes = [_compute_signed_area(ring) for ring in rings]
     if not any(size < 0 for size in sizes) or not any(size > 0 for size in sizes):
         for ring in rings:
             pen.polygon(ring.ravel().tolist(), fill=fill.colour)
@@ -386,7 +386,7 @@ def _paint_fill(image: Image, pen: ImageDraw, fill: Fill) -> None:
 
 
 def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]]) -> None:
-    """Paint rings through a mask: from the largest to the smallest, each is added or cut out."""
+    """Paint rings through a mask, from the largest to the smallest; each ring is added to the mask or cut out of it."""
     from PIL import Image as images  # noqa: N813, PLC0415 - only PNGs need it
     from PIL import ImageDraw  # noqa: PLC0415
 
@@ -403,7 +403,7 @@ def _paint_with_holes(image: Image, colour: str, rings: list[tuple[Float, float]
     image.paste(colour, (int(low[0]), int(low[1])), mask)
 
 
-def _signed_area(ring: Float) -> float:
+def _compute_signed_area(ring: Float) -> float:
     """Return the signed area of a ring, px²."""
     x, y = (ring - ring[0]).T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2

@@ -14,7 +14,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.roles import ROLES, Role
 
-__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "darken", "height_colours", "mix_colours"]
+__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "choose_height_colours", "darken", "mix_colours"]
 
 CALM: Final = "#5b8fb0"  # for pictures with a single colour
 WARNING: Final = "#d55e00"
@@ -40,8 +40,8 @@ def _format_colour(numbers: Float) -> str:
     return f"#{red:02x}{green:02x}{blue:02x}"
 
 
-def height_colours(heights: Float) -> list[str]:
-    """Return the colour of each layer: dark for thin, light for thick layers; one colour if all are equal.
+def choose_height_colours(heights: Float) -> list[str]:
+    """Choose the colour of each layer by its height: dark for thin, light for thick layers; all equal: one colour.
 
     Args:
         heights: (L,) mm, layer heights.
@@ -65,5 +65,5 @@ def darken(colour: str, light: float) -> str:
 
 
 def mix_colours(colour: str, other: str, share: float) -> str:
-    """Mix a colour with a share, 0 to 1, of another colour."""
+    """Mix two colours; `share` is the fraction of `other`, from 0 to 1."""
     return _format_colour(_parse_colour(colour) * (1 - share) + _parse_colour(other) * share)

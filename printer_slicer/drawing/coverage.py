@@ -16,8 +16,8 @@ from printer_slicer.drawing.canvas import (
     Picture,
     Shape,
     Text,
+    estimate_text_width,
     fit_text,
-    text_width,
     wrap_text,
 )
 from printer_slicer.geometry import Areas, intersection, stroke_lines
@@ -26,7 +26,7 @@ from printer_slicer.inspection.coverage.measurement import Coverage, find_overla
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.values import Struct
 
-__all__ = ["coverage_picture"]
+__all__ = ["draw_coverage"]
 
 _PANEL: Final = 520  # px, width of a panel
 _TALLEST, _LOWEST = 620, 180  # px, limits of its height
@@ -35,7 +35,7 @@ _LETTERS: Final = 15  # px
 _LINE: Final = 20  # px, from one line of a heading to the next
 _BORDER: Final = 1.5  # mm around a layer
 _CLOSE_UP_WIDTH: Final = 8.0  # mm, width of a close-up, or a third of the layer if that is less
-_DRAWN_SHARE: Final = 0.85  # share of the extrusion width that is drawn, so that neighbours stay apart
+_DRAWN_SHARE: Final = 0.85  # fraction of the extrusion width that is drawn, to leave gaps between neighbours
 _INK: Final = "#222222"
 _ROLE_COLOURS: Final = {
     Purpose.EXTERNAL_PERIMETER: "#9fb4c4",
@@ -91,7 +91,7 @@ class _View(Struct, frozen=True):
         )
 
 
-def coverage_picture(
+def draw_coverage(
     coverage: Coverage, shown: Sequence[Diagnostic], title: str, limits: CoverageLimits
 ) -> Picture:
     """Draw the layer of each finding, as a whole and close up; without findings, draw the layer nearest to a limit.
@@ -100,7 +100,7 @@ def coverage_picture(
         coverage: the measured coverage.
         shown: findings, one row for each; findings without a position have no close-up.
         title: of the picture.
-        limits: limits that say which layer is nearest to one.
+        limits: limits of a good coverage; without findings, the layer nearest to one of them is drawn.
     """
     shapes: list[Shape] = []
     y = float(_HEAD + _LEGEND)
@@ -126,14 +126,14 @@ def coverage_picture(
 
 
 def _draw_heading(heading: str, width: float, y: float) -> tuple[list[Shape], float]:
-    """Draw the heading of a row in at most two lines from y on; return also the y at which its panels begin."""
+    """Draw the heading of a row in at most two lines below y; also return the y at which its panels begin."""
     lines = wrap_text(heading, _LETTERS, width, bold=True)
     texts = [Text(_GAP, y + 14 + _LINE * k, line, _LETTERS, bold=True) for k, line in enumerate(lines)]
     return [*texts], y + 26 + _LINE * (len(lines) - 1)
 
 
 def _find_worst_layer(coverage: Coverage, limits: CoverageLimits) -> _Row:
-    """Return the layer that is nearest to a limit, with its measurement and how near it is."""
+    """Return a row for the layer nearest to a limit; its heading gives the measured value in percent of the limit."""
     nearest, share = find_nearest_to_limit(coverage, limits)
     heading = (
         f"no findings; nearest to a limit: layer {nearest.layer}, z {nearest.z:.4g} mm, "
@@ -165,7 +165,7 @@ def _make_views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View
 
 
 def _draw_panel(coverage: Coverage, layer: int, view: _View) -> Iterator[Shape]:
-    """Draw a view: extrusions, their faults, the outline of the section, and a frame."""
+    """Draw a view: the extrusions, faulty areas, the outline of the section, and a frame."""
     width, height = view.size
     yield Box(view.left, view.top, width, height, "#fafafa", name="panel")
     yield from _draw_extrusions(coverage, layer, view)
@@ -219,11 +219,11 @@ def _draw_close_up_frame(close: _View, whole: _View) -> Shape:
 
 
 def _draw_legend(x: float, y: float) -> Iterator[Shape]:
-    """Draw the meaning of the colours in a row."""
+    """Draw one row that explains the colours."""
     for name, colour in _LEGENDS:
         if name == "section":
             yield Line(np.array([(x, y + 7.0), (x + 18, y + 7.0)]), colour, 1.2, name="legend")
         else:
             yield Box(x, y, 18, 14, colour, name="legend")
         yield Text(x + 24, y + 12.5, name, _LETTERS)
-        x += 44 + text_width(name, _LETTERS)
+        x += 44 + estimate_text_width(name, _LETTERS)

@@ -16,17 +16,17 @@ from printer_slicer.drawing.canvas import (
     Shape,
     Strokes,
     Text,
+    estimate_text_width,
     fit_text,
-    text_width,
     wrap_text,
 )
-from printer_slicer.drawing.frame import Panel, axis_marks
+from printer_slicer.drawing.frame import Panel, choose_axis_marks
 from printer_slicer.inspection.deposition.height_map import PlateHeights
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.deposition.timeline import Timeline
 from printer_slicer.inspection.dry_run.set_points import SetPoints
 
-__all__ = ["FaultMark", "dry_run_picture"]
+__all__ = ["FaultMark", "draw_dry_run"]
 
 _SHADES: Final = ("#d5e5f2", "#b0cfe6", "#86b4d6", "#5e98c4", "#3c7baf", "#215f94", "#0d4577")
 _BAR, _FLOW, _SPEED, _FAN, _NOZZLE, _BED = "#4f8ac0", "#8a6bb1", "#4f8ac0", "#009e73", "#d55e00", "#cc79a7"
@@ -95,14 +95,14 @@ class _Chart(NamedTuple):
 
 
 class FaultMark(NamedTuple):
-    """A fault to show: its text, and its height and position on the plate in mm, where they are known."""
+    """A fault to show: its text, and its z and its position on the plate, mm; None if unknown."""
 
     text: str
     z: float | None
     place: tuple[float, float] | None
 
 
-def dry_run_picture(
+def draw_dry_run(
     deposition: Deposition,
     set_points: SetPoints,
     found: Sequence[FaultMark],
@@ -122,7 +122,7 @@ def dry_run_picture(
         max_flow: mm³/s that the material allows.
     """
     whole = _Bed(_PLATE, *corners)
-    part = _part_box(deposition)
+    part = _find_part_box(deposition)
     bed = _Bed(_PLATE, *part) if part else whole
     layers = sorted((layer for layer in deposition.layers if layer.number), key=lambda layer: layer.z)
     top = max((layer.z for layer in layers), default=1.0) or 1.0
@@ -151,8 +151,8 @@ def dry_run_picture(
 # The plate
 
 
-def _part_box(deposition: Deposition) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return two corners of the rectangle around the part, mm, without skirt and priming; None if it is empty."""
+def _find_part_box(deposition: Deposition) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return two corners of a square around the part, mm, without skirt and priming; None if there is no part."""
     plate = deposition.plate
     if not plate.top.size:
         return None
@@ -180,7 +180,7 @@ def _draw_plate(plate: PlateHeights, bed: _Bed, paper: str) -> Iterator[Shape]:
     shade = np.where(part.top > 0, steps, -1)
     corner = bed.to_pixels(part.left, part.front)
     for index, colour in enumerate(_SHADES):
-        rings = tuple(_cell_rectangles(shade == index, part.cell * bed.scale, *corner))
+        rings = tuple(_find_cell_rectangles(shade == index, part.cell * bed.scale, *corner))
         if rings:
             yield Fill(rings, colour, f"plastic {index}")
 
@@ -206,7 +206,7 @@ def _crop_plate(plate: PlateHeights, bed: _Bed) -> PlateHeights:
     return PlateHeights(coarse, left, front, plate.cell * by)
 
 
-def _cell_rectangles(cells: Bool, cell: float, x0: float, y0: float) -> Iterator[Float]:
+def _find_cell_rectangles(cells: Bool, cell: float, x0: float, y0: float) -> Iterator[Float]:
     """Yield rectangles, px, around the runs of cells in each row."""
     steps = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     rows, begins = np.nonzero(steps == 1)
@@ -218,7 +218,7 @@ def _cell_rectangles(cells: Bool, cell: float, x0: float, y0: float) -> Iterator
 
 
 def _draw_inset(plate: PlateHeights, inset: _Bed, bed: _Bed) -> Iterator[Shape]:
-    """Draw the whole bed in a small panel, with a frame around the part of it in the large view."""
+    """Draw the whole bed in a small panel, with a frame around the area that the large view shows."""
     yield from _draw_plate(plate, inset, "#f7f7f7")
     corners = [
         inset.clamp_to_pixels(x, y)
@@ -235,7 +235,7 @@ def _draw_inset(plate: PlateHeights, inset: _Bed, bed: _Bed) -> Iterator[Shape]:
 
 def _draw_z_axis(panel: Panel, top: float) -> Iterator[Shape]:
     """Draw the z axis of the charts."""
-    for z in axis_marks(top, 8).tolist():
+    for z in choose_axis_marks(top, 8).tolist():
         y = panel.bottom - z / top * panel.height
         yield Text(panel.left - 6, y + 4, f"{z:g}", _SIZE, anchor="end")
         yield Line(np.array([(panel.left - 3, y), (panel.left, y)]), _INK)
@@ -247,7 +247,7 @@ def _draw_bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> 
     panel, limit = chart.panel, chart.limit
     most = max(*chart.values, limit, 1e-9) if chart.values else 1.0
     yield Box(panel.left, panel.top, panel.width, panel.height, _PAPER, _PALE)
-    for value in axis_marks(most, 4).tolist():
+    for value in choose_axis_marks(most, 4).tolist():
         x = panel.left + value / most * panel.width
         yield Line(np.array([(x, panel.top), (x, panel.bottom)]), _GRID)
         yield Text(x, panel.bottom + 16, f"{value:g}", _SIZE, anchor="middle")
@@ -262,7 +262,9 @@ def _draw_bars(chart: _Chart, top: float, layers: Sequence[LayerDeposition]) -> 
         x = panel.left + limit / most * panel.width
         yield Line(np.array([(x, panel.top), (x, panel.bottom)]), _WRONG, 1.5, (5, 3), name="limit")
         label = f"{chart.limit_name} {limit:g}"
-        x = max(x, panel.left + text_width(chart.name, _SIZE) + 8 + text_width(label, _SIZE))
+        x = max(
+            x, panel.left + estimate_text_width(chart.name, _SIZE) + 8 + estimate_text_width(label, _SIZE)
+        )
         yield Text(x, panel.top - 8, label, _SIZE, _WRONG, anchor="end")
 
 
@@ -288,24 +290,24 @@ def _draw_time_charts(timeline: Timeline, set_points: SetPoints) -> Iterator[Sha
     for name, colour, right in (("nozzle", _NOZZLE, 40.0), ("bed", _BED, 0.0)):
         yield Text(heat.right - right, heat.top - 8, name, _SIZE, colour, anchor="end")
     unit, per = ("h", 3600.0) if total > 3 * 3600 else ("min", 60.0) if total > 180 else ("s", 1.0)
-    for mark in axis_marks(total / per, 8).tolist():
+    for mark in choose_axis_marks(total / per, 8).tolist():
         x = heat.left + mark * per / total * heat.width
         yield Text(x, heat.bottom + 16, f"{mark:g}", _SIZE, anchor="middle" if x < heat.right - 30 else "end")
     yield Text(heat.left - 6, heat.bottom + 16, unit, _SIZE, anchor="end")
 
 
 def _draw_axes(panel: Panel, name: str, values: Float) -> Iterator[Shape]:
-    """Draw the frame of a chart over time, with its name and numbers at the left."""
+    """Draw the frame of a chart over time, with the name of the chart, and with numbers at the left."""
     yield Box(panel.left, panel.top, panel.width, panel.height, _PAPER, _PALE)
     yield Text(panel.left, panel.top - 8, name, _SIZE)
-    most = _axis_end(values)
-    for value in axis_marks(most, 3).tolist():
+    most = _choose_axis_end(values)
+    for value in choose_axis_marks(most, 3).tolist():
         y = panel.bottom - value / most * panel.height
         yield Line(np.array([(panel.left, y), (panel.right, y)]), _GRID)
         yield Text(panel.left - 6, y + 4, f"{value:g}", _SIZE, anchor="end")
 
 
-def _axis_end(values: Float) -> float:
+def _choose_axis_end(values: Float) -> float:
     """Return the largest value of an axis that shows all values."""
     return max(float(values.max(initial=0.0)) * 1.05, 1.0)
 
@@ -313,7 +315,10 @@ def _axis_end(values: Float) -> float:
 def _draw_steps(
     panel: Panel, time: Float, values: Float, scale: tuple[float, Float], colour: str
 ) -> Iterator[Shape]:
-    """Draw values (m,) that change at times (m,), s, and are constant in between; `scale` as for `_draw_curve`."""
+    """Draw values (m,) that change at the times `time` (m,), s, and are constant in between.
+
+    `scale` is the total time and all values that share the axis.
+    """
     ends = np.append(time[1:], scale[0])
     yield from _draw_curve(panel, np.stack([time, ends], axis=1).ravel(), np.repeat(values, 2), scale, colour)
 
@@ -325,7 +330,7 @@ def _draw_curve(
     if not len(time):
         return
     x = panel.left + np.minimum(time / scale[0], 1.0) * panel.width
-    y = panel.bottom - values / _axis_end(scale[1]) * panel.height
+    y = panel.bottom - values / _choose_axis_end(scale[1]) * panel.height
     yield Line(np.stack([x, y], axis=1), colour, 1.4, name="curve")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.values import Struct
 
-__all__ = ["Panel", "ZAxis", "axis_marks"]
+__all__ = ["Panel", "ZAxis", "choose_axis_marks"]
 
 
 class Panel(Struct, frozen=True):
@@ -35,7 +35,7 @@ class ZAxis(Struct, frozen=True):
     Attributes:
         floor: px, position of z = 0.
         scale: px per mm.
-        total: mm, top of the last layer.
+        total: mm, z of the top of the last layer.
     """
 
     floor: float
@@ -51,8 +51,8 @@ class ZAxis(Struct, frozen=True):
         return self.floor - self.scale * z
 
 
-def axis_marks(end: float, count: int) -> Float:
-    """Return at most `count` + 1 round numbers from 0 to `end`, to mark on an axis."""
+def choose_axis_marks(end: float, count: int) -> Float:
+    """Choose at most `count` + 1 round numbers from 0 to `end` for the marks of an axis."""
     raw = end / count
     power = 10.0 ** np.floor(np.log10(raw))
     step = power * min(m for m in (1, 2, 5, 10) if m * power >= raw * (1 - 1e-12))

@@ -9,22 +9,24 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text, text_width
+from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text, estimate_text_width
 from printer_slicer.drawing.colours import ROLE_COLOURS, darken, mix_colours
-from printer_slicer.drawing.frame import axis_marks
+from printer_slicer.drawing.frame import choose_axis_marks
 from printer_slicer.geometry import Areas, intersection
 from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.roles import Role
 from printer_slicer.values import Struct
 
-__all__ = ["View", "gcode_layer_picture"]
+__all__ = ["View", "draw_gcode_layer"]
 
-_BORDER: Final = 1.0  # mm around what is drawn
+_BORDER: Final = 1.0  # mm around the drawn extrusions
 _SIDE, _TITLE, _ROW, _FOOT = 12, 34, 24, 44  # px
 _LETTERS: Final = 15  # px
 _NARROWEST: Final = 360  # px
-_EDGE: Final = 0.09  # share of the width drawn darker on either side, so that neighbours are distinguished
+_EDGE: Final = (
+    0.09  # fraction of the width that is darker on either side, so that neighbours are distinguished
+)
 _WIDEST_EDGE: Final = 1.2  # px
 _STEP: Final = 0.2  # px; widths that differ by less are drawn as one
 _INK, _TRAVEL, _EMPTY, _OUTLINE, _PAPER = "#222222", "#c2188b", "#ffe3d0", "#000000", "#ffffff"
@@ -45,7 +47,7 @@ _COLOURS: Final = {
     Purpose.TOP_SOLID_INFILL: ROLE_COLOURS[Role.TOP_SOLID_INFILL],
 }
 _OTHER_COLOUR: Final = "#4477aa"
-_LIGHT: Final = 0.25  # share of white in the colours, so that dark ones keep a visible edge
+_LIGHT: Final = 0.25  # fraction of white in the colours, so that dark colours keep a visible edge
 _DARK: Final = 0.5  # brightness of edges
 
 
@@ -87,7 +89,7 @@ class _Frame(Struct, frozen=True):
         return np.asarray(points * flip + np.array(shift))
 
     def clip(self, lines: Float, reach: float) -> tuple[Float, Int]:
-        """Clip lines (n, 2, 2) to the rectangle grown by `reach`, mm; return the parts and the index of their lines.
+        """Clip lines (n, 2, 2) to the rectangle grown by `reach`, mm; return the parts and the line index of each.
 
         Source: Liang and Barsky, A new concept and method for line clipping, 1984.
         """
@@ -108,7 +110,7 @@ class _Frame(Struct, frozen=True):
         return np.where(share == np.array([[0.0], [1.0]]), lines[seen], part), seen
 
 
-def gcode_layer_picture(layer: LayerExtrusions, title: str, view: View = View()) -> Picture:
+def draw_gcode_layer(layer: LayerExtrusions, title: str, view: View = View()) -> Picture:
     """Draw one layer from above.
 
     Extrusions are drawn in printing order, each with a darker edge, so later ones cover earlier ones.
@@ -123,11 +125,11 @@ def gcode_layer_picture(layer: LayerExtrusions, title: str, view: View = View())
     """
     where = f"layer {layer.number + 1} of {layer.count}, z {layer.top:.4g} mm, {layer.height:.3g} mm high"
     heading = f"{title}: {where}" if title else where
-    low, high = _drawn_bounds(layer, view)
+    low, high = _find_drawn_bounds(layer, view)
     scale = view.pixels / float((high - low).max())
     across = float((high - low)[0]) * scale
-    wide = round(max(across, _NARROWEST, text_width(heading, _LETTERS)) + 2 * _SIDE)
-    legend, rows = _draw_legend(_legend_entries(layer, view, _Frame(low, high, 0.0, 0.0, scale)), wide)
+    wide = round(max(across, _NARROWEST, estimate_text_width(heading, _LETTERS)) + 2 * _SIDE)
+    legend, rows = _draw_legend(_list_legend_entries(layer, view, _Frame(low, high, 0.0, 0.0, scale)), wide)
     frame = _Frame(low, high, (wide - across) / 2, _TITLE + rows, scale)
     tall = round(frame.top + frame.size[1] + _FOOT)
     shapes = [
@@ -140,7 +142,7 @@ def gcode_layer_picture(layer: LayerExtrusions, title: str, view: View = View())
     return Picture(wide, tall, tuple(shapes), heading)
 
 
-def _drawn_bounds(layer: LayerExtrusions, view: View) -> tuple[Float, Float]:
+def _find_drawn_bounds(layer: LayerExtrusions, view: View) -> tuple[Float, Float]:
     """Return the corners of the drawn rectangle, mm."""
     if view.box is not None:
         corners = np.array(view.box, np.float64)
@@ -196,7 +198,7 @@ def _find_kinds(layer: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
 
 def _draw_paths(layer: LayerExtrusions, frame: _Frame) -> Iterator[Shape]:
     """Draw every path: first the edges of all its extrusions, then the inner parts."""
-    lines, seen = _visible_lines(layer, frame)
+    lines, seen = _find_visible_lines(layer, frame)
     if not len(seen):
         return
     kind, kinds = _find_kinds(layer)
@@ -214,10 +216,10 @@ def _draw_paths(layer: LayerExtrusions, frame: _Frame) -> Iterator[Shape]:
         visible, wide = tuple(polylines[first:last]), widths[first:last]
         inner = tuple(width - 2 * min(_EDGE * width, _WIDEST_EDGE) for width in wide)
         yield Strokes(visible, tuple(wide), darken(colour, _DARK), "edge")
-        yield Strokes(visible, inner, colour, _svg_class(name))
+        yield Strokes(visible, inner, colour, _make_svg_class(name))
 
 
-def _visible_lines(layer: LayerExtrusions, frame: _Frame) -> tuple[Float, Int]:
+def _find_visible_lines(layer: LayerExtrusions, frame: _Frame) -> tuple[Float, Int]:
     """Return the visible centre lines (n, 2, 2) of extrusions, mm, and the indices of the extrusions."""
     beads = layer.beads
     reach = float(beads.width.max(initial=0.0)) / 2
@@ -225,7 +227,7 @@ def _visible_lines(layer: LayerExtrusions, frame: _Frame) -> tuple[Float, Int]:
 
 
 def _find_starts(lines: Float, kind: Int, steps: Int) -> tuple[Int, Int]:
-    """Return the indices of the lines at which paths begin, and at which runs of one width begin."""
+    """Return the indices of the lines that begin a path, and of the lines that begin a run of equal width."""
     breaks = (lines[1:, 0] != lines[:-1, 1]).any(axis=1) | (np.diff(kind) != 0)
     first = np.append(True, breaks)
     path = np.flatnonzero(first)
@@ -233,7 +235,7 @@ def _find_starts(lines: Float, kind: Int, steps: Int) -> tuple[Int, Int]:
     return path, run
 
 
-def _svg_class(name: str) -> str:
+def _make_svg_class(name: str) -> str:
     """Return a name as an SVG class of one word."""
     return "".join(letter if letter.isalnum() and letter.isascii() else "-" for letter in name.lower())
 
@@ -262,10 +264,10 @@ def _draw_margins(frame: _Frame, wide: float, tall: float) -> Iterator[Shape]:
     yield Box(right, frame.top, wide - right, bottom - frame.top, _PAPER, name="margin")
 
 
-def _legend_entries(layer: LayerExtrusions, view: View, frame: _Frame) -> list[tuple[str, str]]:
+def _list_legend_entries(layer: LayerExtrusions, view: View, frame: _Frame) -> list[tuple[str, str]]:
     """Return the names and colours in the legend."""
     kind, kinds = _find_kinds(layer)
-    found = [kinds[i] for i in np.unique(kind[_visible_lines(layer, frame)[1]]).tolist()]
+    found = [kinds[i] for i in np.unique(kind[_find_visible_lines(layer, frame)[1]]).tolist()]
     has_travel = view.travel and len(frame.clip(layer.travel, 0.0)[1])
     found += [("Travel", _TRAVEL)] if has_travel else []
     return found + ([("Section without extrusion", _EMPTY)] if len(view.section) else [])
@@ -276,7 +278,7 @@ def _draw_legend(entries: Sequence[tuple[str, str]], wide: float) -> tuple[list[
     shapes: list[Shape] = []
     x, y = float(_SIDE), float(_TITLE)
     for name, colour in entries:
-        needed = 36 + text_width(name, _LETTERS)
+        needed = 36 + estimate_text_width(name, _LETTERS)
         if x + needed > wide and x > _SIDE:
             x, y = float(_SIDE), y + _ROW
         if colour == _TRAVEL:
@@ -292,7 +294,7 @@ def _draw_legend(entries: Sequence[tuple[str, str]], wide: float) -> tuple[list[
 
 def _draw_scale_bar(frame: _Frame) -> Iterator[Shape]:
     """Draw a scale bar of a round length below the drawing, about a fifth of its width."""
-    length = float(axis_marks(frame.size[0] / frame.scale, 5)[1])
+    length = float(choose_axis_marks(frame.size[0] / frame.scale, 5)[1])
     x, y = frame.left + 2, frame.top + frame.size[1] + 18
     end = x + length * frame.scale
     yield Line(np.array([(x, y), (end, y)]), _INK, 2.0, name="scale")

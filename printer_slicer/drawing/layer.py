@@ -8,27 +8,27 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.drawing.canvas import Box, Line, Picture, Shape, Text, text_width
+from printer_slicer.drawing.canvas import Box, Line, Picture, Shape, Text, estimate_text_width
 from printer_slicer.drawing.colours import ROLE_COLOURS
 from printer_slicer.model import Program
 from printer_slicer.roles import ROLES, Role
 
-__all__ = ["draw_layer", "layer_picture"]
+__all__ = ["draw_layer", "draw_program_layer"]
 
-_SIZE: Final = 800  # px, the longer side of what is drawn
-_BORDER: Final = 2.0  # mm around it
+_SIZE: Final = 800  # px, longer side of the drawn layer
+_BORDER: Final = 2.0  # mm around the drawn layer
 _HEAD, _ROW = 34, 26  # px for the title, and for each row of the legend
 _LETTERS: Final = 15  # px
-_DRAWN_SHARE: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
+_DRAWN_SHARE: Final = 0.92  # fraction of the extrusion width that is drawn, to leave gaps between neighbours
 _OTHER_COLOUR: Final = "#4477aa"
 
 
 def draw_layer(program: Program, layer: int) -> str:
-    """Draw one layer as an SVG document; see `layer_picture`."""
-    return layer_picture(program, layer).svg()
+    """Draw one layer as an SVG document; see `draw_program_layer`."""
+    return draw_program_layer(program, layer).svg()
 
 
-def layer_picture(program: Program, layer: int) -> Picture:
+def draw_program_layer(program: Program, layer: int) -> Picture:
     """Draw the extrusions of one layer with their width and the colour of their role; travels are dotted.
 
     Raises:
@@ -41,7 +41,10 @@ def layer_picture(program: Program, layer: int) -> Picture:
     if not member.any():
         note = f"{title}: no extrusion"
         return Picture(
-            max(400, round(text_width(note, _LETTERS)) + 16), 40, (Text(8, 24, note, _LETTERS),), title
+            max(400, round(estimate_text_width(note, _LETTERS)) + 16),
+            40,
+            (Text(8, 24, note, _LETTERS),),
+            title,
         )
     start, end = program.start[member][:, :2], program.xyz[member][:, :2]
     role, width = program.role[member], program.width[member]
@@ -49,7 +52,7 @@ def layer_picture(program: Program, layer: int) -> Picture:
     corners = np.concatenate([start[beads], end[beads]]) if beads.any() else np.concatenate([start, end])
     low, high = corners.min(axis=0) - _BORDER, corners.max(axis=0) + _BORDER
     scale = _SIZE / float((high - low).max())
-    wide = max(float(high[0] - low[0]) * scale, text_width(title, _LETTERS) + 16)
+    wide = max(float(high[0] - low[0]) * scale, estimate_text_width(title, _LETTERS) + 16)
     legend, foot = _draw_legend(role, wide)
     tall = _HEAD + foot + float(high[1] - low[1]) * scale
     # y points up on the bed and down in the picture.
@@ -77,7 +80,7 @@ def _draw_legend(role: Int, wide: float) -> tuple[list[Shape], float]:
     roles = [Role(number) for number in np.unique(role).tolist() if number != Role.TRAVEL]
     entries = {ROLES[one].type_comment: one for one in roles}
     for name, one in entries.items():
-        needed = 40 + text_width(name, _LETTERS)
+        needed = 40 + estimate_text_width(name, _LETTERS)
         if x + needed > wide and x > 8:
             x, y = 8.0, y + _ROW
         shapes.append(Box(x, y, 18, 14, ROLE_COLOURS.get(one, _OTHER_COLOUR), name="legend"))

@@ -11,7 +11,7 @@ from printer_slicer.drawing.canvas import Box, Shape, Text, fit_text
 from printer_slicer.drawing.frame import Panel
 from printer_slicer.model import LayerPlan
 
-__all__ = ["LEGEND_HEIGHT", "HeightStep", "draw_legend", "height_steps"]
+__all__ = ["LEGEND_HEIGHT", "HeightRange", "divide_heights", "draw_legend"]
 
 LEGEND_HEIGHT: Final = 37
 """Height of the legend, px."""
@@ -21,13 +21,13 @@ _SIZE, _SWATCH, _MAX_STRIPES = 18, 40, 4
 _DARK: Final = "#1f2430"
 
 
-class HeightStep(NamedTuple):
+class HeightRange(NamedTuple):
     """A range of layer heights.
 
     Attributes:
-        low, high: mm, the lowest and the greatest height in it.
-        n_layers: number of layers with such a height.
-        layers: indices of layers, one for each of up to four heights in the range.
+        low, high: mm, the smallest and the largest layer height in the range.
+        n_layers: number of layers with a height in the range.
+        layers: indices of up to four layers of different heights, as examples for the colours.
     """
 
     low: float
@@ -42,7 +42,7 @@ class HeightStep(NamedTuple):
         return f"{self.n_layers} x {heights} mm"
 
 
-def height_steps(plan: LayerPlan) -> list[HeightStep]:
+def divide_heights(plan: LayerPlan) -> list[HeightRange]:
     """Divide the layer heights of a plan into at most five ranges, in ascending order."""
     heights, first, counts = np.unique(plan.height, return_index=True, return_counts=True)
     if not len(heights):
@@ -56,7 +56,7 @@ def height_steps(plan: LayerPlan) -> list[HeightStep]:
         own = np.flatnonzero(step == number)
         shown = own[np.linspace(0, len(own) - 1, min(len(own), _MAX_STRIPES)).round().astype(int)]
         low, high = float(heights[own[0]]), float(heights[own[-1]])
-        result.append(HeightStep(low, high, int(counts[own].sum()), first[shown].tolist()))
+        result.append(HeightRange(low, high, int(counts[own].sum()), first[shown].tolist()))
     return result
 
 
@@ -68,7 +68,7 @@ def draw_legend(plan: LayerPlan, colours: Sequence[str], panel: Panel) -> Iterat
         colours: one per layer.
         panel: where to draw, `LEGEND_HEIGHT` px high.
     """
-    steps = height_steps(plan)
+    steps = divide_heights(plan)
     across = panel.width / _MAX_STEPS
     for number, step in enumerate(steps):
         x, wide = panel.left + across * number, _SWATCH / len(step.layers)

@@ -10,11 +10,11 @@ import numpy as np
 
 from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float
-from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, fit_text, text_width
-from printer_slicer.drawing.colours import WARNING, height_colours
+from printer_slicer.drawing.canvas import Line, Picture, Shape, Text, estimate_text_width, fit_text
+from printer_slicer.drawing.colours import WARNING, choose_height_colours
 from printer_slicer.drawing.frame import Panel, ZAxis
 from printer_slicer.drawing.legend import LEGEND_HEIGHT, draw_legend
-from printer_slicer.drawing.plan_side import draw_error, draw_front, draw_grid, draw_heights, make_z_axis
+from printer_slicer.drawing.plan_side import draw_deviation, draw_front, draw_grid, draw_heights, make_z_axis
 from printer_slicer.drawing.stack import draw_stack
 from printer_slicer.model import LayerPlan, Sections
 from printer_slicer.surface import Certificate
@@ -27,7 +27,12 @@ _LEGEND_TOP: Final = 212
 _LEGEND_GAP: Final = 84  # px between the legend and the panels, for labels
 _FOOT: Final = 94  # px under the panels, for labels
 _TALLEST: Final = 620  # px, height of the panels; less for parts that are not tall
-_FRONT, _ERROR, _HEIGHTS, _STACK = (108, 560), (616, 816), (872, 1032), (1084, 1570)  # px, from left to right
+_FRONT, _ERROR, _HEIGHTS, _STACK = (
+    (108, 560),
+    (616, 816),
+    (872, 1032),
+    (1084, 1570),
+)  # px, left and right side
 _TITLE, _FACT, _NAME, _SMALL = 46, 46, 25, 22  # px, sizes of letters
 _SMALLEST_TITLE: Final = 26
 _DARK, _SOFT = "#1f2430", "#5b6472"
@@ -48,7 +53,7 @@ def draw_plan(
 
     Args:
         sections: the part's solid areas, with the layer plan.
-        certificate: of the same plan.
+        certificate: certificate of the layer plan of the sections.
         title: one line above the picture.
         tolerance: mm, largest allowed deviation, or None.
         flats: mm, heights of flat surfaces, marked on the z axis.
@@ -61,7 +66,7 @@ def draw_plan(
         raise ValueError("a plan without layers has no picture")
     if not np.array_equal(certificate.plan.top, plan.top):
         raise ValueError("sections and certificate are of different plans")
-    colours = height_colours(plan.height)
+    colours = choose_height_colours(plan.height)
     top = _LEGEND_TOP + LEGEND_HEIGHT + _LEGEND_GAP
     axis, scale = make_z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
     front, error, heights, stack = (
@@ -75,7 +80,7 @@ def draw_plan(
         *draw_grid(axis, replace(front, right=heights.right)),
         *_draw_flat_marks(axis, front, flats),
         *draw_front(sections, colours, axis, front, scale),
-        *draw_error(certificate, ranges_beyond, axis, error, tolerance=tolerance),
+        *draw_deviation(certificate, ranges_beyond, axis, error, tolerance=tolerance),
         *draw_heights(plan, colours, axis, heights),
         *prisms,
         *_draw_panel_titles(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
@@ -92,7 +97,7 @@ def _draw_head(
 ) -> Iterator[Shape]:
     """Draw the title and the main numbers, in large letters."""
     max_width = _WIDTH - 2 * _MARGIN
-    size = max(min(_TITLE, _TITLE * max_width / max(text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
+    size = max(min(_TITLE, _TITLE * max_width / max(estimate_text_width(title, _TITLE), 1)), _SMALLEST_TITLE)
     yield Text(_MARGIN, 64, fit_text(title, size, max_width), size, _DARK, bold=True)
     places = (_MARGIN, 350, 790, 1180, _WIDTH)
     for (x, end), (fact, meaning, warns) in zip(

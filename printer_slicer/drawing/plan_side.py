@@ -8,20 +8,20 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.drawing.canvas import Box, Fill, Line, Shape, Text, text_width
+from printer_slicer.drawing.canvas import Box, Fill, Line, Shape, Text, estimate_text_width
 from printer_slicer.drawing.colours import WARNING, darken, mix_colours
-from printer_slicer.drawing.frame import Panel, ZAxis, axis_marks
+from printer_slicer.drawing.frame import Panel, ZAxis, choose_axis_marks
 from printer_slicer.model import Areas, LayerPlan, Sections
 from printer_slicer.surface import Certificate
 
-__all__ = ["draw_error", "draw_front", "draw_grid", "draw_heights", "make_z_axis"]
+__all__ = ["draw_deviation", "draw_front", "draw_grid", "draw_heights", "make_z_axis"]
 
 _AXIS, _GRID, _LABEL = "#6b7280", "#e3e7eb", 22
 _MIN_ROW_HEIGHT: Final = 0.8  # px; thinner layers are drawn together
 _MIN_EDGED_HEIGHT: Final = 3.0  # px; layers have outlines if all are higher
 _OVERLAP: Final = 0.5  # px by which layers overlap the next lower one
 _MAX_PROTRUSION: Final = 12  # px by which marks may exceed the panel
-_MIN_HEIGHT_SHARE: Final = 0.55  # least height of a part, as a share of the tallest panels
+_MIN_HEIGHT_SHARE: Final = 0.55  # minimum height of a drawn part, as a fraction of the tallest panels
 _DARK: Final = "#1f2430"
 _ERROR, _CURVE, _BEYOND = "#c5cfda", "#4a5b70", mix_colours(WARNING, "#ffffff", 0.45)
 
@@ -46,7 +46,7 @@ def make_z_axis(sections: Sections, width: float, tallest: float, top: float) ->
 
 def draw_grid(axis: ZAxis, panel: Panel) -> Iterator[Shape]:
     """Draw horizontal lines at round z, with their values at the left."""
-    for z in axis_marks(axis.total, 8).tolist():
+    for z in choose_axis_marks(axis.total, 8).tolist():
         y = axis.y(z)
         yield Line(np.array([(panel.left, y), (panel.right, y)]), _GRID if z else _AXIS)
         yield Text(panel.left - 12, y + 0.35 * _LABEL, f"{z:g}", _LABEL, _AXIS, "end")
@@ -75,7 +75,7 @@ def draw_front(
 
 
 def _find_visible_rows(plan: LayerPlan, axis: ZAxis) -> dict[int, tuple[float, float]]:
-    """Return top and bottom, mm, of each drawn layer; of layers too thin to see, the thickest is drawn."""
+    """Return top and bottom, mm, of each drawn layer; of layers too thin to see, only the thickest is drawn."""
     rows, begin = {}, 0
     bottom, top, height = plan.bottom.tolist(), plan.top.tolist(), plan.height
     for k in range(plan.n_layers):
@@ -86,7 +86,7 @@ def _find_visible_rows(plan: LayerPlan, axis: ZAxis) -> dict[int, tuple[float, f
 
 
 def _find_x_ranges(solid: Areas) -> Iterator[tuple[int, tuple[float, float]]]:
-    """Yield the ranges of x that the section of each layer covers, seen from the front."""
+    """Yield layer and range of x for each stretch of a layer that its section covers, seen from the front."""
     start = solid.ring_start[:-1]
     low = np.minimum.reduceat(solid.xy[:, 0], start)
     high = np.maximum.reduceat(solid.xy[:, 0], start)
@@ -103,7 +103,7 @@ def _find_x_ranges(solid: Areas) -> Iterator[tuple[int, tuple[float, float]]]:
     yield layer, (begin, reach)
 
 
-def draw_error(
+def draw_deviation(
     certificate: Certificate,
     ranges_beyond: Sequence[tuple[float, float, float]],
     axis: ZAxis,
@@ -124,7 +124,7 @@ def draw_error(
     most = 1.08 * (max(certificate.max_error, tolerance or 0.0) or float(plan.height.max()))
     scale = panel.width / most
     yield from _draw_x_axis(most, axis, panel)
-    curve = np.column_stack([panel.left + scale * np.repeat(bound, 2), _layer_edges(plan, axis)])
+    curve = np.column_stack([panel.left + scale * np.repeat(bound, 2), _find_layer_edges(plan, axis)])
     foot = np.array([(panel.left, axis.y(axis.total)), (panel.left, axis.floor)])
     yield Fill((np.concatenate([curve, foot]),), _ERROR, "error")
     if tolerance is not None:
@@ -138,7 +138,7 @@ def draw_error(
         ends = np.array([(limit, axis.floor), (limit, panel.top - _MAX_PROTRUSION)])
         yield Line(ends, _DARK, 2.5, (9, 6), name="tolerance")
         label = f"tolerance {tolerance:g}"
-        x = min(limit, panel.right + 24 - text_width(label, _LABEL) / 2)
+        x = min(limit, panel.right + 24 - estimate_text_width(label, _LABEL) / 2)
         yield Text(x, axis.y(axis.total) - 24, label, _LABEL, _DARK, "middle")
     yield Line(curve, _CURVE, _limit_line_width(1.6, plan, axis))
 
@@ -153,7 +153,7 @@ def draw_heights(plan: LayerPlan, colours: Sequence[str], axis: ZAxis, panel: Pa
         top, k = axis.y(float(plan.top[k - 1])), k - count
         tall = axis.y(float(plan.bottom[k])) - top + (_OVERLAP if k else 0)
         yield Box(panel.left, top, scale * height, tall, colours[k], name="height")
-    curve = np.column_stack([panel.left + scale * np.repeat(plan.height, 2), _layer_edges(plan, axis)])
+    curve = np.column_stack([panel.left + scale * np.repeat(plan.height, 2), _find_layer_edges(plan, axis)])
     yield Line(curve, "#444444", _limit_line_width(1.2, plan, axis))
 
 
@@ -162,14 +162,14 @@ def _limit_line_width(width: float, plan: LayerPlan, axis: ZAxis) -> float:
     return min(width, 0.4 * axis.scale * axis.total / plan.n_layers)
 
 
-def _layer_edges(plan: LayerPlan, axis: ZAxis) -> Float:
+def _find_layer_edges(plan: LayerPlan, axis: ZAxis) -> Float:
     """Return the position of bottom and top of each layer, (2 L,) px."""
     return axis.y_positions(np.column_stack([plan.bottom, plan.top]).ravel())
 
 
 def _draw_x_axis(most: float, axis: ZAxis, panel: Panel) -> Iterator[Shape]:
     """Draw vertical lines at round values, with the values below the axis."""
-    for value in axis_marks(most, 3).tolist():
+    for value in choose_axis_marks(most, 3).tolist():
         x = panel.left + panel.width * value / most
         yield Line(np.array([(x, axis.floor), (x, axis.y(axis.total))]), _GRID if value else _AXIS)
         yield Text(x, axis.floor + 1.3 * _LABEL, f"{value:g}", _LABEL, _AXIS, "middle")

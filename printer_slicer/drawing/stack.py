@@ -1,9 +1,9 @@
 """Draw the stack of layers in 3D, seen from above at an angle.
 
-Seen from above, no layer hides anything of a higher one, and nothing hides the top face of a layer. So layers are
-painted from the bed up; for each layer first the walls that face the viewer, from far to near, then the top face. (The
-painter's algorithm, after Newell, Newell and Sancha, "A solution to the hidden surface problem", 1972, needs no
-splitting here.)
+Seen from above, no layer hides any part of a higher layer, and no wall of a layer hides its top face. So layers are
+painted from the bed up. In each layer, the walls that face the viewer are painted first, from far to near, and the top
+face last. This is the painter's algorithm after Newell, Newell and Sancha, "A solution to the hidden surface problem",
+1972; faces need not be split here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Fill, Line, Shape
 from printer_slicer.drawing.colours import darken
-from printer_slicer.drawing.frame import Panel, axis_marks
+from printer_slicer.drawing.frame import Panel, choose_axis_marks
 from printer_slicer.geometry import simplify
 from printer_slicer.model import Areas, Sections
 from printer_slicer.values import Struct
@@ -33,8 +33,8 @@ _DARKEST, _BRIGHTEST, _TOP = 0.58, 0.9, 1.0
 _SHADES: Final = 12  # steps from the darkest to the brightest wall
 _RESOLUTION: Final = 0.15  # px, tolerance of simplified outlines
 _MIN_WALL: Final = 0.9  # px; thinner layers are drawn together
-_OVERLAP: Final = 0.35  # px by which walls overlap those below, so that no gap is visible between them
-_BORDER: Final = 0.1  # of the part's width, bed around it
+_OVERLAP: Final = 0.35  # px by which walls overlap the walls below, so that no gap is visible between them
+_BORDER: Final = 0.1  # width of the bed around the part, as a fraction of the part's width
 _BED, _GRID = "#eef1f4", "#d3d9df"
 
 
@@ -68,7 +68,7 @@ def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tupl
         return [], 0.0
     low, high = solid.xy.min(axis=0), solid.xy.max(axis=0)
     middle, reach = (low + high) / 2, max(float((high - low).max()), 1e-6)
-    step = float(axis_marks(1.2 * reach, 8)[1])
+    step = float(choose_axis_marks(1.2 * reach, 8)[1])
     half = (high - low) / 2 + _BORDER * reach
     bed = _rotate(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
     rotated = _rotate(solid.xy - middle)
@@ -133,7 +133,7 @@ def _group_layers(top: Float, min_height: float) -> Int:
 
 
 def _split_layers(areas: Areas, middle: Float) -> Iterator[tuple[int, Areas]]:
-    """Yield the layers that have an area from the bed up, rotated to the view."""
+    """Yield index and rotated area of each layer that is not empty, from the bed up."""
     rotated = Areas(_rotate(areas.xy - middle), areas.ring_start, areas.ring_layer, areas.n_layers)
     for layer in np.flatnonzero(rotated.used).tolist():
         yield layer, rotated.select(rotated.ring_layer == layer)

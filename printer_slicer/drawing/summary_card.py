@@ -8,7 +8,7 @@ from typing import Final
 from printer_slicer.drawing.canvas import Box, Picture, Shape, Text, fit_text
 from printer_slicer.drawing.colours import WARNING
 
-__all__ = ["summary_card"]
+__all__ = ["draw_summary_card"]
 
 _WIDE: Final = 760  # px
 _ROW, _LETTERS, _TITLE = 24, 15, 20  # px
@@ -16,7 +16,7 @@ _GOOD, _DARK, _SOFT = "#009e73", "#1f2430", "#5b6472"
 _MAX_PROBLEMS: Final = 8  # problems shown
 
 
-def summary_card(title: str, facts: Mapping[str, str], problems: Sequence[str]) -> Picture:
+def draw_summary_card(title: str, facts: Mapping[str, str], problems: Sequence[str]) -> Picture:
     """Draw a card; its left edge is green if there are no problems.
 
     Args:

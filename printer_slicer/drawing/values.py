@@ -1,4 +1,4 @@
-"""Draw any value of the pipeline: layer plans over z, all other values layer by layer from above."""
+"""Draw any value of the pipeline: layer plans as bars over z, and values with layers layer by layer from above."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from printer_slicer.drawing.canvas import (
     Shape,
     Strokes,
     Text,
+    estimate_text_width,
     fit_text,
-    text_width,
     wrap_text,
 )
-from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, height_colours
-from printer_slicer.drawing.frame import axis_marks
-from printer_slicer.drawing.legend import height_steps
-from printer_slicer.drawing.summary_card import summary_card
+from printer_slicer.drawing.colours import CALM, ROLE_COLOURS, choose_height_colours
+from printer_slicer.drawing.frame import choose_axis_marks
+from printer_slicer.drawing.legend import divide_heights
+from printer_slicer.drawing.summary_card import draw_summary_card
 from printer_slicer.errors import UsageError
 from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Regions, Sections, Toolpaths
 from printer_slicer.repr_svg import Summary, SvgRepr
@@ -43,10 +43,10 @@ __all__ = ["draw"]
 _WIDE: Final = 760  # px
 _SINGLE_SIZE: Final = 560  # px, the longer side of a layer that is drawn alone
 _MAX_SHOWN, _MAX_COLUMNS = 6, 3  # layers if none is chosen
-_MIN_COLUMN_WIDTH: Final = 120  # px, column of a layer: its caption needs room
+_MIN_COLUMN_WIDTH: Final = 120  # px, minimum width of a layer's column, so that its caption fits
 _SMALL_LINE: Final = 15  # px
 _HEAD, _LINE, _ROW, _LETTERS, _SMALL, _SMALLEST = 34, 20, 22, 15, 12, 11  # px
-_DRAWN_SHARE: Final = 0.92  # share of the extrusion width that is drawn, so that neighbours stay apart
+_DRAWN_SHARE: Final = 0.92  # fraction of the extrusion width that is drawn, to leave gaps between neighbours
 _WIDTH_STEP: Final = 0.05  # mm: extrusions whose widths differ by less are drawn as one line
 _SOFT, _OUTLINE, _TRAVEL = "#5b6472", "#222222", "#c2188b"
 _REGIONS: Final = {
@@ -64,7 +64,7 @@ def draw(value: object, layer: int | None = None) -> Picture:
     """Draw a mesh, a layer plan, a certificate, or layers of sections, walls, regions, toolpaths, moves or areas.
 
     Args:
-        value: the value; the program is drawn for stages and for a job that was sliced here.
+        value: the value to draw; for stages, and for a job that this package sliced, the program is drawn.
         layer: number of a layer, counted from 1; None draws six layers from the bottom to the top. Meshes, plans and
             certificates are always drawn whole.
 
@@ -104,7 +104,7 @@ def _draw_mesh(part: Mesh, _layer: int | None) -> Picture:
 def _draw_note(text: str, title: str) -> Picture:
     """Draw one line of text, for a value with nothing to draw."""
     return Picture(
-        max(400, round(text_width(text, _LETTERS)) + 16), 40, (Text(8, 24, text, _LETTERS),), title
+        max(400, round(estimate_text_width(text, _LETTERS)) + 16), 40, (Text(8, 24, text, _LETTERS),), title
     )
 
 
@@ -113,7 +113,7 @@ def _draw_note(text: str, title: str) -> Picture:
 
 @_draw_value.register
 def _draw_card(summary: Summary, _layer: int | None) -> Picture:
-    return summary_card(summary.title, summary.facts, summary.problems)
+    return draw_summary_card(summary.title, summary.facts, summary.problems)
 
 
 # Plans
@@ -142,15 +142,15 @@ def _draw_bars(plan: LayerPlan, lengths: Float, title: str, axis_title: str) -> 
     longest = float(lengths.max()) or 1.0
     across, down = (right - left) / longest, tall / total
     shapes: list[Shape] = [Text(8, 24, fit_text(title, _LETTERS, _WIDE - 24, bold=True), _LETTERS, bold=True)]
-    for z in axis_marks(total, 6).tolist():
+    for z in choose_axis_marks(total, 6).tolist():
         y = top + tall - z * down
         shapes += [Line(np.array([(left - 6, y), (right, y)]), "#dddddd")]
         shapes += [Text(left - 10, y + 4, f"{z:g}", _SMALL, _SOFT, "end")]
-    for length in axis_marks(longest, 4).tolist()[1:]:
+    for length in choose_axis_marks(longest, 4).tolist()[1:]:
         x = left + length * across
         shapes += [Line(np.array([(x, top), (x, top + tall)]), "#dddddd")]
         shapes += [Text(x, top + tall + 18, f"{length:g}", _SMALL, _SOFT, "middle")]
-    colours = height_colours(heights)
+    colours = choose_height_colours(heights)
     rows = zip(plan.bottom.tolist(), heights.tolist(), lengths.tolist(), colours, strict=True)
     for bottom, high, length, colour in rows:
         y, thick = top + tall - (bottom + high) * down, high * down
@@ -165,7 +165,7 @@ def _draw_bars(plan: LayerPlan, lengths: Float, title: str, axis_title: str) -> 
 
 def _draw_height_legend(plan: LayerPlan, colours: Sequence[str], x: float, y: float) -> Iterator[Shape]:
     """Draw the legend: ranges of layer heights with their layer counts."""
-    for k, step in enumerate(height_steps(plan)):
+    for k, step in enumerate(divide_heights(plan)):
         wide = 16 / len(step.layers)
         for stripe, layer in enumerate(step.layers):
             yield Box(x + stripe * wide, y + k * _ROW, wide, 14, colours[layer], name="legend")
@@ -182,9 +182,10 @@ class _Layers(Struct, frozen=True):
         plan: the layers, if their heights are known.
         count: number of layers.
         boxes: (L, 2) lowest and highest corner of each layer; (inf, -inf) if it is empty.
-        shapes: function from a layer, a mapping of points (n, 2) from mm to px, and px per mm to shapes.
-        names: function from layers to the legend: names and colours of their contents.
-        title: of the picture.
+        shapes: function that draws a layer, given its index, a function that maps points (n, 2) from mm to px, and
+            px per mm.
+        names: function that returns the legend of layers: names and colours of their contents.
+        title: title of the picture.
     """
 
     plan: LayerPlan | None
@@ -194,34 +195,34 @@ class _Layers(Struct, frozen=True):
     names: Callable[[Sequence[int]], list[tuple[str, str]]]
     title: str
 
-    def find_used(self) -> Int:
+    def find_filled_layers(self) -> Int:
         """Return the indices of the layers that are not empty."""
         return np.flatnonzero(np.isfinite(self.boxes[0][:, 0]))
 
 
 @_draw_value.register
 def _draw_areas(areas: Areas, layer: int | None) -> Picture:
-    return _draw_layers(_layers_of_areas(areas, None, [("area", CALM, areas)]), layer)
+    return _draw_layers(_make_area_layers(areas, None, [("area", CALM, areas)]), layer)
 
 
 @_draw_value.register
 def _draw_sections(sections: Sections, layer: int | None) -> Picture:
-    layers = _layers_of_areas(sections.solid, sections.plan, [("section", CALM, sections.solid)])
+    layers = _make_area_layers(sections.solid, sections.plan, [("section", CALM, sections.solid)])
     return _draw_layers(layers, layer)
 
 
 @_draw_value.register
 def _draw_regions(regions: Regions, layer: int | None) -> Picture:
     named = [(label, colour, getattr(regions, name)) for name, (label, colour) in _REGIONS.items()]
-    return _draw_layers(_layers_of_areas(regions.inside, regions.plan, named), layer)
+    return _draw_layers(_make_area_layers(regions.inside, regions.plan, named), layer)
 
 
-def _layers_of_areas(
+def _make_area_layers(
     whole: Areas, plan: LayerPlan | None, named: Sequence[tuple[str, str, Areas]]
 ) -> _Layers:
     """Return layers that draw named areas; `whole` is the union of the areas."""
 
-    def shapes(layer: int, place: Callable[[Float], Float], _scale: float) -> Iterator[Shape]:
+    def draw_layer_areas(layer: int, place: Callable[[Float], Float], _scale: float) -> Iterator[Shape]:
         """Draw the areas of a layer with outlines."""
         for name, colour, areas in named:
             rings = [place(ring) for ring in areas.rings(layer)]
@@ -230,12 +231,12 @@ def _layers_of_areas(
             for ring in rings:
                 yield Line(np.concatenate([ring, ring[:1]]), _OUTLINE, 0.6, name="outline")
 
-    def names(layers: Sequence[int]) -> list[tuple[str, str]]:
+    def list_names(layers: Sequence[int]) -> list[tuple[str, str]]:
         """Return the name and colour of each area that occurs in any of the layers."""
         return [(name, colour) for name, colour, areas in named if areas.used[list(layers)].any()]
 
     kind = "regions" if len(named) > 1 else f"{named[0][0]}s"
-    return _Layers(plan, whole.n_layers, whole.boxes(), shapes, names, kind)
+    return _Layers(plan, whole.n_layers, whole.boxes(), draw_layer_areas, list_names, kind)
 
 
 @_draw_value.register
@@ -244,7 +245,7 @@ def _draw_toolpaths(paths: Toolpaths, layer: int | None) -> Picture:
     owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
     width = (paths.width[begin] + paths.width[end]) / 2
     beads = _StraightMoves(paths.xy[begin], paths.xy[end], width, paths.role[owner], paths.layer[owner])
-    return _draw_layers(beads.layers(paths.plan, "toolpaths"), layer)
+    return _draw_layers(beads.make_layers(paths.plan, "toolpaths"), layer)
 
 
 @_draw_value.register
@@ -252,7 +253,7 @@ def _draw_program(program: Program, layer: int | None) -> Picture:
     beads = _StraightMoves(
         program.start[:, :2], program.xyz[:, :2], program.width, program.role, program.layer
     )
-    return _draw_layers(beads.layers(program.plan, "moves"), layer)
+    return _draw_layers(beads.make_layers(program.plan, "moves"), layer)
 
 
 class _StraightMoves(Struct, frozen=True, eq=False):
@@ -264,7 +265,7 @@ class _StraightMoves(Struct, frozen=True, eq=False):
     role: Int
     layer: Int
 
-    def layers(self, plan: LayerPlan, title: str) -> _Layers:
+    def make_layers(self, plan: LayerPlan, title: str) -> _Layers:
         """Return the moves as layers to draw."""
         n_layers = plan.n_layers
         laid = self.role != Role.TRAVEL
@@ -272,15 +273,15 @@ class _StraightMoves(Struct, frozen=True, eq=False):
         for points in (self.begin[laid], self.end[laid]):
             np.minimum.at(low, self.layer[laid], points)
             np.maximum.at(high, self.layer[laid], points)
-        return _Layers(plan, n_layers, (low, high), self._draw_moves, self._legend_entries, title)
+        return _Layers(plan, n_layers, (low, high), self._draw_moves, self._list_legend_entries, title)
 
-    def _range_of_layer(self, layer: int) -> slice:
+    def _find_layer_range(self, layer: int) -> slice:
         first, last = np.searchsorted(self.layer, [layer, layer + 1]).tolist()
         return slice(first, last)
 
-    def _legend_entries(self, layers: Sequence[int]) -> list[tuple[str, str]]:
+    def _list_legend_entries(self, layers: Sequence[int]) -> list[tuple[str, str]]:
         roles = np.unique(
-            np.concatenate([self.role[self._range_of_layer(layer)] for layer in layers])
+            np.concatenate([self.role[self._find_layer_range(layer)] for layer in layers])
         ).tolist()
         return list(
             dict.fromkeys(
@@ -293,8 +294,8 @@ class _StraightMoves(Struct, frozen=True, eq=False):
         )
 
     def _draw_moves(self, layer: int, place: Callable[[Float], Float], scale: float) -> Iterator[Shape]:
-        """Draw the moves of a layer; consecutive moves of one role and one width are one stroke."""
-        selected = self._range_of_layer(layer)
+        """Draw the moves of a layer; consecutive moves of the same role and width become one stroke."""
+        selected = self._find_layer_range(layer)
         begin, end, role = self.begin[selected], self.end[selected], self.role[selected]
         if not len(role):
             return
@@ -317,7 +318,7 @@ class _StraightMoves(Struct, frozen=True, eq=False):
 
 def _draw_layers(layers: _Layers, layer: int | None) -> Picture:
     """Draw one layer, or several side by side, with a legend."""
-    used = layers.find_used()
+    used = layers.find_filled_layers()
     if layer is not None:
         if not 0 <= layer < layers.count:
             raise UsageError(
@@ -338,7 +339,7 @@ def _draw_layers(layers: _Layers, layer: int | None) -> Picture:
     scale = side / float((high - low).max())
     wide, tall = ((high - low) * scale).tolist()
     column = max(wide, _MIN_COLUMN_WIDTH) if columns > 1 else wide
-    width = max(16 + columns * (column + 8), text_width(title, _LETTERS, bold=True) + 24, 320)
+    width = max(16 + columns * (column + 8), estimate_text_width(title, _LETTERS, bold=True) + 24, 320)
     legend, top = _draw_legend(layers.names(chosen), width)
     shapes: list[Shape] = [Text(8, 24, title, _LETTERS, bold=True), *legend]
     captions = [wrap_text(_format_caption(layers, number), _SMALLEST, column) for number in chosen]
@@ -349,12 +350,12 @@ def _draw_layers(layers: _Layers, layer: int | None) -> Picture:
             for row, line in enumerate(captions[k]):
                 shapes.append(Text(x, y + 12 + row * _SMALL_LINE, line, _SMALLEST, _SOFT))
         shift = np.array([x - low[0] * scale, y + head + high[1] * scale])
-        shapes += layers.shapes(number, _mapping_to_pixels(shift, scale), scale)
+        shapes += layers.shapes(number, _make_pixel_mapping(shift, scale), scale)
     rows = -(-len(chosen) // columns)
     return Picture(round(width), round(top + rows * (tall + head + 8) + 4), tuple(shapes), title)
 
 
-def _mapping_to_pixels(shift: Float, scale: float) -> Callable[[Float], Float]:
+def _make_pixel_mapping(shift: Float, scale: float) -> Callable[[Float], Float]:
     """Return a function that maps points from mm to px; y points up on the bed and down in the picture."""
     return lambda points: np.asarray(points * np.array([scale, -scale]) + shift)
 
@@ -371,7 +372,7 @@ def _draw_legend(entries: Sequence[tuple[str, str]], width: float) -> tuple[list
     shapes: list[Shape] = []
     x, y = 8.0, float(_HEAD)
     for name, colour in entries:
-        needed = 34 + text_width(name, _SMALL + 1)
+        needed = 34 + estimate_text_width(name, _SMALL + 1)
         if x + needed > width and x > 8:
             x, y = 8.0, y + _ROW
         shapes += [Box(x, y, 16, 14, colour, name="legend"), Text(x + 22, y + 12, name, _SMALL + 1)]

@@ -42,7 +42,7 @@ from printer_slicer.geometry.segment_index import distance_to_segments
 __all__ = ["resample", "smooth"]
 
 _MOVED: Final = 0.9  # fraction of the bound for moving points; the rest is for removing points
-_PASSES: Final = 8  # of the filter
+_PASSES: Final = 8  # number of smoothing passes
 _STEP_FRACTION: Final = 0.6  # of the distance to the mean of its neighbours, per pass
 # Spacing of the points added beside a corner, in bounds; a right angle becomes three turns of 24 to 48 degrees.
 _STEP: Final = 0.75
@@ -53,12 +53,12 @@ _MOST_POINTS: Final = 20_000_000
 
 
 def smooth(areas: Areas, bound: float) -> Areas:
-    """Smooth contours; old and new ones are at most `bound` mm apart.
+    """Smooth contours; old and new contours are at most `bound` mm apart.
 
     Points are added beside corners, all points move toward the mean of their neighbours within the bound, and added
     points that are not needed are removed. Long straight edges stay in place. Convex shapes become slightly smaller (a
-    circle of 1 mm radius with a bound of 0.05 mm: by 0.0025 mm). Where the bound or another contour leaves no room, the
-    contour stays unchanged. See the module docstring for the proof.
+    circle of 1 mm radius with a bound of 0.05 mm: by 0.0025 mm). Where the bound or another contour allows no movement,
+    the contour stays unchanged. See the module docstring for the proof.
 
     Args:
         areas: clean areas.
@@ -154,7 +154,7 @@ def _add_points(areas: Areas, edge: Int, share: Float) -> tuple[Areas, Bool]:
 def _add_corner_points(areas: Areas, step: float, reach: int) -> tuple[Areas, Bool]:
     """Add `reach` points, `step` mm apart, on both sides of each corner; also return a mask of the earlier points.
 
-    Edges that are too short for that are divided evenly.
+    Edges that are too short for all these points are divided evenly.
     """
     length = _measure_edges(areas)
     short = length <= 2 * reach * step
@@ -216,7 +216,7 @@ def _compute_displacement(areas: Areas, limit: Float) -> Float:
 
 
 def _mark_ring_thirds(areas: Areas) -> Bool:
-    """Return a mask (N,) of three points of each ring: the first, and those at one third and two thirds of it."""
+    """Return a mask (N,) of three points of each ring: the first, and the points one third and two thirds around it."""
     chosen = np.zeros(len(areas.xy), np.bool_)
     start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
     for third in range(3):
@@ -225,7 +225,7 @@ def _mark_ring_thirds(areas: Areas) -> Bool:
 
 
 def _mark_needed_points(areas: Areas, chosen: Bool, bound: float) -> Bool:
-    """Return a mask (N,) of points to keep: the chosen ones, and those needed for valid chords.
+    """Return a mask (N,) of points to keep: the chosen points, and all points that valid chords need.
 
     A chord is valid if it is close enough to its arc and meets no other.
 

@@ -38,13 +38,13 @@ def find_ring_contacts(areas: Areas) -> tuple[Int, Int]:
     """Return pairs of edges of the same ring that cross or touch, except neighbours at their common point."""
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
     for here, there in _find_near_edges(areas, _SAME, same_ring=True):
-        meet = _edges_meet(areas, here, there)
+        meet = _mark_meeting_edges(areas, here, there)
         found.append((here[meet], there[meet]))
     firsts, seconds = zip(*found, strict=True)
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def _edges_meet(areas: Areas, first: Int, second: Int) -> Bool:
+def _mark_meeting_edges(areas: Areas, first: Int, second: Int) -> Bool:
     """Return a mask (P,) of pairs of edges of one ring that meet, except neighbours at their common point."""
     following = areas.following
     closes = following[second] == first  # the last edge of a ring and its first
@@ -108,7 +108,7 @@ def _find_near_edges(areas: Areas, reach: float, *, same_ring: bool) -> Iterator
 def _find_touching_boxes(
     lows: Sequence[Float], highs: Sequence[Float], one: Int, other: Int
 ) -> tuple[Int, Int, Int]:
-    """Find the boxes that touch in pairs (P,) of rows; return the pair of each, and the column of both boxes.
+    """Find the pairs of touching boxes in pairs (P,) of rows; return the pair of rows, and the column of each box.
 
     Args:
         lows: (R, n) lower bounds of the boxes, along x and along y.
@@ -130,12 +130,12 @@ def _measure_edge_distance(areas: Areas, first: Int, second: Int) -> Float:
     a, b = areas.xy[first], areas.xy[following[first]]
     c, d = areas.xy[second], areas.xy[following[second]]
     ends = [distance_to_segments(*way) for way in ((a, c, d), (b, c, d), (c, a, b), (d, a, b))]
-    crossing = (_side_of_line(a, b, c) * _side_of_line(a, b, d) < 0) & (
-        _side_of_line(c, d, a) * _side_of_line(c, d, b) < 0
+    crossing = (_compute_side_of_line(a, b, c) * _compute_side_of_line(a, b, d) < 0) & (
+        _compute_side_of_line(c, d, a) * _compute_side_of_line(c, d, b) < 0
     )
     return np.where(crossing, 0.0, np.minimum.reduce(ends))
 
 
-def _side_of_line(a: Float, b: Float, point: Float) -> Float:
-    """Return a number (P,) for each point that is positive if the point lies to the left of the line from a to b."""
+def _compute_side_of_line(a: Float, b: Float, point: Float) -> Float:
+    """Return the side (P,) of the line from a to b on which each point lies: positive for left, negative for right."""
     return cross(b - a, point - a)

@@ -62,7 +62,7 @@ class RoundedRings(Struct, frozen=True, eq=False):
         index[start[1:] - 1] = self.ring_start[:-1]
         return self.xy[index], start.tolist()
 
-    def longest_edge(self) -> float:
+    def find_longest_edge(self) -> float:
         """Return the largest distance between neighbouring points, in the unit of `xy`; 0 without points."""
         xy, start = self.close_rings()
         length = np.hypot(*np.diff(xy.astype(np.float64), axis=0).T)

@@ -4,11 +4,11 @@ The format, as this writer uses it:
 
 - The header is up to 2048 ASCII characters of `-KEYWORD value`. It ends with carriage return, line feed and control-Z,
   and 256 reserved bytes follow.
-- The sampling table is a byte with the number of entries and the entries. Each describes a run of layers of equal
-  thickness: lowest z, thickness, line width compensation (0: none), reserved. The first starts at the first contour
-  layer.
-- A contour layer is the z of its bottom, the number of boundaries, and for each the number of points, the number of
-  gaps (0) and the points. The last point equals the first; solids run counter-clockwise, holes clockwise.
+- The sampling table is a byte with the number of entries, followed by the entries. Each entry describes a run of layers
+  of equal thickness: lowest z, thickness, line width compensation (0: none), reserved. The first run starts with the
+  first contour layer.
+- A contour layer is the z of its bottom, the number of boundaries, and for each boundary the number of points, the
+  number of gaps (0) and the points. The last point equals the first; solids run counter-clockwise, holes clockwise.
 - The file ends with the z of the top of the part and 0xFFFFFFFF as the number of boundaries.
 - Numbers are little-endian 32-bit floats and unsigned integers.
 
@@ -55,7 +55,7 @@ def write_slc(sections: Sections) -> bytes:
 
 
 def has_uneven_heights(plan: LayerPlan) -> bool:
-    """Return whether a layer height is no multiple of the smallest one; the specification warns of such files."""
+    """Return whether a layer height is not a multiple of the smallest one; the specification warns of such files."""
     thin = float(plan.height.min())
     ratio = plan.height / thin
     return bool((np.abs(ratio - np.rint(ratio)) > _MULTIPLE).any())

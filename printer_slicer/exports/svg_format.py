@@ -37,7 +37,7 @@ def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
     """Return all layers as one SVG with a group per layer; groups without a path are empty layers.
 
     Coordinates are rounded to `digits` decimals, heights to at least four; the description in the file says so. Rings
-    smaller than that are left out, and the description gives their number.
+    smaller than one unit of the last decimal are left out, and the description gives their number.
 
     Raises:
         UsageError: `digits` is less than 0 or more than 6.

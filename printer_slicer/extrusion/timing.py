@@ -12,7 +12,7 @@ from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.model import Program
 from printer_slicer.motion.blocks import MotionLimits
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.motion.vectorized import durations
+from printer_slicer.motion.vectorized import compute_durations
 from printer_slicer.profile import Profile
 
 __all__ = ["copy_times", "move_seconds", "retime_moves"]
@@ -60,7 +60,7 @@ def _compute_seconds(program: Program, speed: Float, profile: Profile, first: in
     """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no other moves."""
     before = program.xyz[first - 1] if first else program.origin
     delta = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
-    return durations(
+    return compute_durations(
         np.column_stack([delta, program.filament[first:last]]),
         speed[first:last],
         limits_of(profile.printer),

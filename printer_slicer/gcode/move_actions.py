@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.firmware import Dialect
 from printer_slicer.firmware.firmware import SetsAccelerations, SetsLimits, SetsRetraction
-from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+from printer_slicer.motion.arcs import find_centre_by_offset, find_centre_by_radius, split_arc
 from printer_slicer.motion.positioning_mode import PositioningMode
 from printer_slicer.values import Struct, field
 
@@ -159,12 +159,12 @@ def _make_arc_action(clockwise: bool) -> Action:
         goal = _compute_end_position(state, words)
         unit = state.unit
         if "R" in words:
-            centre = centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
+            centre = find_centre_by_radius((x, y), (goal[0], goal[1]), words["R"] * unit, clockwise=clockwise)
         else:
-            centre = centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
+            centre = find_centre_by_offset((x, y), words.get("I", 0.0) * unit, words.get("J", 0.0) * unit)
         if centre is not None:  # firmware rejects an arc without a centre
             gx, gy, gz, ge = goal
-            for point in arc_points((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
+            for point in split_arc((x, y, z, e), (gx, gy, gz, ge), centre, clockwise=clockwise):
                 _append_move(state, list(point), index)
 
     return run

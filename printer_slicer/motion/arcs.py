@@ -12,9 +12,9 @@ __all__ = [
     "CHORDS_PER_TURN",
     "LONGEST_CHORD",
     "SHORTEST_CHORD",
-    "arc_points",
-    "centre_by_offset",
-    "centre_by_radius",
+    "find_centre_by_offset",
+    "find_centre_by_radius",
+    "split_arc",
 ]
 
 LONGEST_CHORD: Final = 1.0
@@ -26,12 +26,12 @@ Place = tuple[float, float]
 """Position in x and y, mm."""
 
 
-def centre_by_offset(start: Place, i: float, j: float) -> Place | None:
+def find_centre_by_offset(start: Place, i: float, j: float) -> Place | None:
     """Return the centre of an arc at (i, j) mm from its start; None if i and j are 0."""
     return (start[0] + i, start[1] + j) if i or j else None
 
 
-def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: bool) -> Place | None:
+def find_centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: bool) -> Place | None:
     """Return the centre of an arc of `radius` mm from start to goal; a negative radius selects the longer arc.
 
     None if start and goal are equal or the radius is 0.
@@ -46,7 +46,7 @@ def centre_by_radius(start: Place, goal: Place, radius: float, *, clockwise: boo
     return start[0] + dx / 2.0 - dy * side, start[1] + dy / 2.0 + dx * side
 
 
-def arc_points(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> Iterator[Axes]:
+def split_arc(start: Axes, goal: Axes, centre: Place, *, clockwise: bool) -> Iterator[Axes]:
     """Yield the end points of the chords of an arc; if start and goal are equal, the arc is a full circle."""
     ax, ay = start[0] - centre[0], start[1] - centre[1]
     radius = hypot(ax, ay)

@@ -21,10 +21,10 @@ __all__ = [
     "Axes",
     "Block",
     "MotionLimits",
-    "corner_speed",
+    "compute_corner_speed",
+    "compute_ramp_time",
+    "compute_squared_corner_speed",
     "make_block",
-    "ramp_time",
-    "squared_corner_speed",
 ]
 
 Axes = tuple[float, float, float, float]
@@ -91,7 +91,7 @@ class Block(NamedTuple):
         unit: travel of x, y, z, e per mm of length.
         speed: cruise speed, mm/s along the length.
         acceleration: mm/s² along the length.
-        share: the acceleration divided by the requested acceleration, above 0 and at most 1.
+        share: `acceleration` divided by the requested acceleration, above 0 and at most 1.
     """
 
     length: float
@@ -138,27 +138,27 @@ def make_block(limits: MotionLimits, delta: Axes, speed: float) -> Block | None:
     return Block(length, unit, speed, acceleration, acceleration / requested)
 
 
-def corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
+def compute_corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
     """Return the maximum speed at the corner between two blocks, mm/s; at most both cruise speeds.
 
     For moves of the extruder alone, "junction_deviation" and "jerk" treat e as one more axis, as Marlin does. With
     "square_corner" the machine stops before and after them, as Klipper does.
     """
-    return sqrt(squared_corner_speed(limits, before, after))
+    return sqrt(compute_squared_corner_speed(limits, before, after))
 
 
-def squared_corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
-    """Return the square of `corner_speed`, (mm/s)²."""
+def compute_squared_corner_speed(limits: MotionLimits, before: Block, after: Block) -> float:
+    """Return the square of `compute_corner_speed`, (mm/s)²."""
     slower = before.speed if before.speed < after.speed else after.speed
     if limits.corner == "junction_deviation":
-        return min(_squared_speed_by_deviation(limits, before, after), slower * slower)
+        return min(_compute_squared_speed_by_deviation(limits, before, after), slower * slower)
     if limits.corner == "square_corner":
-        return _squared_speed_by_square_corner(limits, before, after, slower)
-    slower = _speed_by_jerk(limits.jerk, before.unit, after.unit, slower)
+        return _compute_squared_speed_by_square_corner(limits, before, after, slower)
+    slower = _compute_speed_by_jerk(limits.jerk, before.unit, after.unit, slower)
     return slower * slower
 
 
-def _squared_speed_by_deviation(limits: MotionLimits, before: Block, after: Block) -> float:
+def _compute_squared_speed_by_deviation(limits: MotionLimits, before: Block, after: Block) -> float:
     """Return the squared corner speed by junction deviation.
 
     The corner is replaced by an arc at the deviation δ, traversed with the acceleration a:
@@ -192,7 +192,7 @@ def _squared_speed_by_deviation(limits: MotionLimits, before: Block, after: Bloc
     return square
 
 
-def _speed_by_jerk(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
+def _compute_speed_by_jerk(jerk: Axes, before: Axes, after: Axes, speed: float) -> float:
     """Return the corner speed by jerk, at most `speed`: the speed of no axis may jump by more than its limit.
 
     An axis that reverses stops in between, so the larger of its two jumps counts, not their sum.
@@ -206,7 +206,7 @@ def _speed_by_jerk(jerk: Axes, before: Axes, after: Axes, speed: float) -> float
     return speed
 
 
-def _squared_speed_by_square_corner(
+def _compute_squared_speed_by_square_corner(
     limits: MotionLimits, before: Block, after: Block, slower: float
 ) -> float:
     """Return the squared corner speed by square corner velocity, at most that of the slower block.
@@ -238,7 +238,7 @@ def _squared_speed_by_square_corner(
     return square
 
 
-def ramp_time(length: float, entry: float, cruise: float, exit: float, acceleration: float) -> float:  # noqa: A002
+def compute_ramp_time(length: float, entry: float, cruise: float, exit: float, acceleration: float) -> float:  # noqa: A002
     """Return the time of a move with a trapezoidal speed profile, s; units are mm, mm/s and mm/s².
 
     The profile is a triangle if the cruise speed cannot be reached. The exit speed must be reachable from the entry

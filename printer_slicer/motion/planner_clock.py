@@ -56,7 +56,8 @@ class PlannerClock:
         stalls, stalled_seconds: number and total time of underruns, when the machine stopped for lack of moves.
         moving_seconds: total time of all moves. A short queue makes moves slower long before the machine stops, because
             it must be able to stop after the last known move.
-        ends: time at which the running move ends, or the machine at rest will start, s; infinite if it rests.
+        ends: time at which the running move ends, s. While the machine rests: the time at which it will start, or
+            infinity if no move is queued.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class PlannerClock:
         self._lookahead.limits = limits
 
     def push(self, block: Block, now: float, label: int = 0) -> float:
-        """Add a move at time `now`, s; return the time at which it gets a place in the queue and ok is sent."""
+        """Add a move at time `now`, s; return the time at which it gets a place in the queue and ok is sent for it."""
         self._advance(now)
         while len(self._labels) >= self._places:
             now = self.ends
@@ -120,7 +121,7 @@ class PlannerClock:
         self._advance(now)
         if not self._running:
             return None
-        queue, last, square = self._lookahead.queue_state()
+        queue, last, square = self._lookahead.get_queue_state()
         return PlannerState(tuple(queue), last, square, self.ends)
 
     def skip_to(self, state: PlannerState, labels: Sequence[int], seconds: float) -> None:

@@ -24,8 +24,8 @@ class PositioningMode(NamedTuple):
     Attributes:
         rule: rule of the firmware, see above.
         has_relative_axes: whether x, y, z are relative (G91).
-        has_relative_extruder: whether the last command that sets e made it relative: M82, M83, or G90 and G91 if these
-            set e, too. It must be sent again if the firmware has forgotten it.
+        has_relative_extruder: whether the last command that sets e made it relative. Such commands are M82 and M83, and
+            G90 and G91 if they set e, too. The command must be sent again if the firmware has forgotten the mode.
     """
 
     rule: CountingRule = "together"

@@ -22,10 +22,10 @@ from printer_slicer.motion.blocks import (
     Axes,
     Block,
     MotionLimits,
-    corner_speed,
+    compute_corner_speed,
+    compute_ramp_time,
+    compute_squared_corner_speed,
     make_block,
-    ramp_time,
-    squared_corner_speed,
 )
 
 if TYPE_CHECKING:
@@ -39,11 +39,11 @@ __all__ = [
     "Block",
     "Lookahead",
     "MotionLimits",
-    "block_times",
-    "corner_speed",
+    "compute_block_times",
+    "compute_corner_speed",
+    "compute_ramp_time",
     "limits_of",
     "make_block",
-    "ramp_time",
 ]
 
 EQUAL_RATIO: Final = 1 - 1e-9
@@ -51,11 +51,11 @@ EQUAL_RATIO: Final = 1 - 1e-9
 
 
 class _QueuedBlock(NamedTuple):
-    """A block in the planner.
+    """A block in the queue of the planner.
 
     Attributes:
         block: the move.
-        corner: squared speed allowed at its start.
+        corner: squared speed that the corner at its start allows.
         gain: change of squared speed over its length, 2·a·d.
     """
 
@@ -68,7 +68,7 @@ class Lookahead:
     """The planner of a firmware: a queue of a few blocks, always planned such that the last one ends at rest.
 
     A block that leaves the queue keeps its planned exit speed; later blocks cannot change it. So a short queue, or
-    blocks too short for the machine to brake within the queue, make the machine slower than `block_times`.
+    blocks too short for the machine to brake within the queue, make the machine slower than `compute_block_times`.
 
     Attributes:
         limits: limits for the corners of blocks pushed from now on; may be replaced at any time.
@@ -83,7 +83,7 @@ class Lookahead:
         self._queue: deque[_QueuedBlock] = deque()
         self._last: Block | None = None
         self._square = 0.0  # of exit_speed
-        self._smooth = 0.0  # the same for the virtual machine of `minimum_cruise_ratio`
+        self._smooth = 0.0  # squared exit speed of the virtual machine for `minimum_cruise_ratio`
         self._top = inf
 
     def __len__(self) -> int:
@@ -96,7 +96,7 @@ class Lookahead:
 
     def push(self, block: Block) -> None:
         """Add a block to the queue. To model a real planner, pop a block first while the queue `is_full`."""
-        corner = 0.0 if self._last is None else squared_corner_speed(self.limits, self._last, block)
+        corner = 0.0 if self._last is None else compute_squared_corner_speed(self.limits, self._last, block)
         self._last = block
         self._queue.append(_QueuedBlock(block, corner, 2.0 * block.acceleration * block.length))
 
@@ -104,7 +104,7 @@ class Lookahead:
         """Make the machine stop after the queued blocks; the next block pushed starts at speed 0."""
         self._last = None
 
-    def queue_state(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
+    def get_queue_state(self) -> tuple[list[tuple[Block, float]], Block | None, float]:
         """Return the state of the queue.
 
         Returns:
@@ -114,7 +114,7 @@ class Lookahead:
         return [(queued.block, queued.corner) for queued in self._queue], self._last, self._square
 
     def skip_to(self, queue: Iterable[tuple[Block, float]], last: Block | None, square: float) -> None:
-        """Set the state of the queue, as returned by `queue_state`; not supported with `minimum_cruise_ratio`."""
+        """Set the state of the queue, as returned by `get_queue_state`; not supported with `minimum_cruise_ratio`."""
         self._queue = deque(
             _QueuedBlock(block, corner, 2.0 * block.acceleration * block.length) for block, corner in queue
         )
@@ -134,18 +134,18 @@ class Lookahead:
             return 0.0
         queued = self._queue.popleft()
         block, entry = queued.block, self.exit_speed
-        square = min(self._reachable_square(1.0), self._square + queued.gain)
+        square = min(self._find_reachable_square(1.0), self._square + queued.gain)
         cruise = block.speed
         if self.limits.minimum_cruise_ratio > 0.0:
-            self._top = self._next_cruise_limit(queued.gain)
+            self._top = self._find_next_cruise_limit(queued.gain)
             square = min(square, self._top)
             cruise = min(cruise, sqrt(self._top))
         self._square = square
         self.exit_speed = sqrt(square)
-        return ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
+        return compute_ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
 
-    def _reachable_square(self, scale: float, skip: int = 0) -> float:
-        """Return the maximum squared speed at the start of queued block `skip` at which all later corners are possible.
+    def _find_reachable_square(self, scale: float, skip: int = 0) -> float:
+        """Return the maximum squared speed at the start of queued block `skip` that keeps all later corners possible.
 
         This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
         the braking up to it. It ends when the braking distance alone allows more than the best found, mostly after
@@ -160,42 +160,53 @@ class Lookahead:
                 return best
         return min(best, braking)
 
-    def _next_cruise_limit(self, gain: float) -> float:
-        """Return the squared cruise limit of the block just removed, see `_squared_cruise_limits`."""
+    def _find_next_cruise_limit(self, gain: float) -> float:
+        """Return the squared cruise limit of the block removed last, see `_compute_squared_cruise_limits`."""
         scale = 1.0 - self.limits.minimum_cruise_ratio
         gain *= scale
         entry = self._smooth
-        self._smooth = exit_ = min(self._reachable_square(scale), entry + gain)
+        self._smooth = exit_ = min(self._find_reachable_square(scale), entry + gain)
         if _needs_full_gain(entry, exit_, gain):
             return self._find_peak_ahead(exit_, scale)
-        return self._top if _needs_full_gain(exit_, entry, gain) else _squared_peak_speed(entry, exit_, gain)
+        return (
+            self._top
+            if _needs_full_gain(exit_, entry, gain)
+            else _compute_squared_peak_speed(entry, exit_, gain)
+        )
 
     def _find_peak_ahead(self, entry: float, scale: float) -> float:
         """Return the squared speed at which the current acceleration of the virtual machine will end."""
         for index, queued in enumerate(self._queue, start=1):
             gain = scale * queued.gain
-            exit_ = min(self._reachable_square(scale, index), entry + gain)
+            exit_ = min(self._find_reachable_square(scale, index), entry + gain)
             if not _needs_full_gain(entry, exit_, gain):
                 return (
-                    entry if _needs_full_gain(exit_, entry, gain) else _squared_peak_speed(entry, exit_, gain)
+                    entry
+                    if _needs_full_gain(exit_, entry, gain)
+                    else _compute_squared_peak_speed(entry, exit_, gain)
                 )
             entry = exit_
         return entry
 
 
-def block_times(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
+def compute_block_times(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
     """Return the time of each block, s, for a machine with unlimited look-ahead that starts and ends at rest."""
     queue = list(blocks)
     if not queue:
         return []
     gains = [2.0 * block.acceleration * block.length for block in queue]
-    corners = [0.0, *(squared_corner_speed(limits, before, after) for before, after in pairwise(queue))]
-    squares = _max_squared_speeds(corners, gains)
+    corners = [
+        0.0,
+        *(compute_squared_corner_speed(limits, before, after) for before, after in pairwise(queue)),
+    ]
+    squares = _compute_max_squared_speeds(corners, gains)
     tops = [inf] * len(queue)
     if limits.minimum_cruise_ratio > 0.0:
-        tops = _squared_cruise_limits(corners, [gain * (1.0 - limits.minimum_cruise_ratio) for gain in gains])
+        tops = _compute_squared_cruise_limits(
+            corners, [gain * (1.0 - limits.minimum_cruise_ratio) for gain in gains]
+        )
     return [
-        ramp_time(
+        compute_ramp_time(
             block.length,
             sqrt(min(entry, top)),
             min(block.speed, sqrt(top)),
@@ -206,7 +217,7 @@ def block_times(blocks: Iterable[Block], limits: MotionLimits) -> list[float]:
     ]
 
 
-def _max_squared_speeds(corners: list[float], gains: list[float]) -> list[float]:
+def _compute_max_squared_speeds(corners: list[float], gains: list[float]) -> list[float]:
     """Return the maximum squared speeds at the start of each block, and 0 at the end of the last."""
     squares = [*corners, 0.0]
     for i in range(len(gains) - 1, -1, -1):
@@ -216,7 +227,7 @@ def _max_squared_speeds(corners: list[float], gains: list[float]) -> list[float]
     return squares
 
 
-def _squared_cruise_limits(corners: list[float], gains: list[float]) -> list[float]:
+def _compute_squared_cruise_limits(corners: list[float], gains: list[float]) -> list[float]:
     """Return the squared cruise limit of each block that leaves the minimum fraction of cruise.
 
     A virtual machine with the lower acceleration (1 - ratio)·a takes the same corners; `gains` are its gains. Each
@@ -226,7 +237,7 @@ def _squared_cruise_limits(corners: list[float], gains: list[float]) -> list[flo
 
     Source: Klipper documentation, "Kinematics: Minimum cruise ratio".
     """
-    squares = _max_squared_speeds(corners, gains)
+    squares = _compute_max_squared_speeds(corners, gains)
     tops = [0.0] * len(gains)
     summit: float | None = None
     for i in range(len(gains) - 1, -1, -1):
@@ -236,7 +247,7 @@ def _squared_cruise_limits(corners: list[float], gains: list[float]) -> list[flo
         elif _needs_full_gain(exit_, entry, gain):
             summit, tops[i] = None, inf
         else:
-            summit = tops[i] = _squared_peak_speed(entry, exit_, gain)
+            summit = tops[i] = _compute_squared_peak_speed(entry, exit_, gain)
     for i, top in enumerate(tops):
         if top == inf:
             tops[i] = tops[i - 1]
@@ -244,12 +255,12 @@ def _squared_cruise_limits(corners: list[float], gains: list[float]) -> list[flo
 
 
 def _needs_full_gain(low: float, high: float, gain: float) -> bool:
-    """Return whether a block needs its whole gain to get from the lower squared speed to the higher one."""
+    """Return whether a block needs its whole length to change between the lower and the higher squared speed."""
     return high >= (low + gain) * EQUAL_RATIO
 
 
-def _squared_peak_speed(entry: float, exit_: float, gain: float) -> float:
-    """Return the squared speed at which the acceleration from the start of a block meets the braking for its end."""
+def _compute_squared_peak_speed(entry: float, exit_: float, gain: float) -> float:
+    """Return the squared peak speed of a block: where the acceleration from its start meets the braking to its end."""
     return 0.5 * (entry + exit_ + gain)
 
 

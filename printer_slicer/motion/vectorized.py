@@ -1,4 +1,4 @@
-"""Move times over arrays: the same as `rules.block_times`, but vectorized with numpy.
+"""Move times over arrays: the same as `rules.compute_block_times`, but vectorized with numpy.
 
 The formulas, their order of operations and their sources are those of `motion.blocks` and `motion.rules`, so results
 agree up to rounding. Letters in shapes: K moves, B blocks (moves that are not zero).
@@ -32,14 +32,14 @@ __all__ = [
     "RequestedMoves",
     "SpeedProfile",
     "Stopwatch",
-    "accumulate_limited",
-    "durations",
+    "accumulate_with_limit",
+    "compute_durations",
+    "compute_ramp_times",
+    "compute_squared_corner_speeds",
+    "compute_volumetric_flow",
     "find_nonzero_moves",
     "make_blocks",
     "plan_speeds",
-    "ramp_times",
-    "squared_corner_speeds",
-    "volumetric_flow",
 ]
 
 
@@ -52,7 +52,7 @@ class Blocks(Struct, frozen=True, eq=False):
     acceleration: Float
     share: Float
 
-    def part(self, which: slice) -> Blocks:
+    def take_slice(self, which: slice) -> Blocks:
         """Return a slice of the blocks."""
         return Blocks(
             self.length[which],
@@ -63,7 +63,7 @@ class Blocks(Struct, frozen=True, eq=False):
         )
 
 
-def durations(
+def compute_durations(
     delta: Float,
     speed: Float,
     limits: MotionLimits,
@@ -98,7 +98,7 @@ class SpeedProfile(Struct, frozen=True, eq=False):
     Attributes:
         moving: (B,) indices of the moves that are not zero.
         blocks: these moves as blocks.
-        corners: (B,) maximum squared speed at the start of each block, by the corner alone.
+        corners: (B,) maximum squared speed that the corner at the start of each block allows.
         squares: (B + 1,) planned squared speed at the start of each block, and at the end of the last.
         smoothed: cruise limits for `minimum_cruise_ratio`; None if the firmware has none.
     """
@@ -113,16 +113,16 @@ class SpeedProfile(Struct, frozen=True, eq=False):
         """Return the times of a slice of the blocks, s."""
         first, last, _ = which.indices(len(self.moving))
         tops = self.smoothed.tops[which] if self.smoothed else np.full(last - first, np.inf)
-        return ramp_times(self.blocks.part(which), self.squares[first : last + 1], tops)
+        return compute_ramp_times(self.blocks.take_slice(which), self.squares[first : last + 1], tops)
 
     def count_final(self) -> int:
-        """Return the number of leading blocks whose times cannot change, whatever moves follow.
+        """Return the number of blocks at the start whose times stay the same, whatever moves are added later.
 
-        After them the machine can stop before the last block, however slowly it brakes. With `minimum_cruise_ratio` an
-        acceleration must also end there, and no braking may continue.
+        At the end of these blocks, the machine can still stop before the last block, whatever follows. With
+        `minimum_cruise_ratio`, an acceleration must also end there, and no braking may continue.
         """
         smoothed = self.smoothed
-        gains = _squared_speed_gains(self.blocks) if smoothed is None else smoothed.gains
+        gains = _compute_squared_speed_gains(self.blocks) if smoothed is None else smoothed.gains
         room = np.cumsum(gains[::-1])[::-1]
         sure = self.corners <= room
         if smoothed is not None:
@@ -135,7 +135,7 @@ class SpeedProfile(Struct, frozen=True, eq=False):
 
 
 class CruiseLimits(Struct, frozen=True, eq=False):
-    """Cruise limits for `minimum_cruise_ratio`, see `rules._squared_cruise_limits`.
+    """Cruise limits for `minimum_cruise_ratio`, see `rules._compute_squared_cruise_limits`.
 
     Attributes:
         gains: (B,) gain of the squared speed over each block on the virtual machine.
@@ -163,12 +163,13 @@ def plan_speeds(
     """Plan the speeds at the corners of moves.
 
     Args:
-        delta: (K, 4); this and the following as in `durations`.
-        speed: (K,).
+        delta: (K, 4) travel in x, y, z, e, as in `compute_durations`.
+        speed: (K,) requested speed, as in `compute_durations`.
         limits: motion limits of the machine.
-        stop_after: (K,) or None.
-        acceleration: (K,) or None.
-        entry: squared speed before the first block, and that of the virtual machine of `minimum_cruise_ratio`.
+        stop_after: (K,) or None, as in `compute_durations`.
+        acceleration: (K,) or None, as in `compute_durations`.
+        entry: squared speed before the first block, of the machine and of the virtual machine for
+            `minimum_cruise_ratio`.
     """
     columns = np.ascontiguousarray(delta.T, dtype=np.float64)
     moving, length = find_nonzero_moves(columns)
@@ -178,21 +179,25 @@ def plan_speeds(
     corners = np.zeros(len(moving))
     corners[:1] = entry[0]
     if len(moving) > 1:
-        corners[1:] = squared_corner_speeds(limits, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
+        corners[1:] = compute_squared_corner_speeds(
+            limits, blocks.take_slice(np.s_[:-1]), blocks.take_slice(np.s_[1:])
+        )
     if stop_after is not None:
         stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
         corners[1:][np.diff(stops) > 0] = 0.0
-    gains = _squared_speed_gains(blocks)
+    gains = _compute_squared_speed_gains(blocks)
     ratio = limits.minimum_cruise_ratio
     smoothed = (
         _compute_cruise_limits(corners, gains * (1.0 - ratio), entry[1])
         if ratio > 0.0 and len(moving)
         else None
     )
-    return SpeedProfile(moving, blocks, corners, _max_squared_speeds(corners, gains, entry[0]), smoothed)
+    return SpeedProfile(
+        moving, blocks, corners, _compute_max_squared_speeds(corners, gains, entry[0]), smoothed
+    )
 
 
-def _squared_speed_gains(blocks: Blocks) -> Float:
+def _compute_squared_speed_gains(blocks: Blocks) -> Float:
     """Return the maximum change of the squared speed over each block (B,)."""
     return 2.0 * blocks.acceleration * blocks.length
 
@@ -239,23 +244,23 @@ def _limit_product(value: Float, part: Float, maximum: float) -> Float:
     return limited
 
 
-def squared_corner_speeds(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """Return the squared corner speeds between consecutive blocks (B - 1,)."""
+def compute_squared_corner_speeds(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
+    """Return the squared corner speed (n,) between each block of `before` and the block at its index in `after`."""
     slower: Float = np.minimum(before.speed, after.speed)
     squares: Float
     if limits.corner == "junction_deviation":
-        squares = np.minimum(_squared_speeds_by_deviation(limits, before, after), slower * slower)
+        squares = np.minimum(_compute_squared_speeds_by_deviation(limits, before, after), slower * slower)
     elif limits.corner == "square_corner":
-        squares = _squared_speeds_by_square_corner(limits, before, after, slower)
+        squares = _compute_squared_speeds_by_square_corner(limits, before, after, slower)
     else:
-        squares = np.square(_speeds_by_jerk(limits, before, after, slower))
+        squares = np.square(_compute_speeds_by_jerk(limits, before, after, slower))
     return squares
 
 
-def _squared_speeds_by_deviation(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
-    """Return the squared corner speeds by junction deviation, see `blocks._squared_speed_by_deviation`."""
-    bx, by, bz, be = before.unit / _column_norms(before.unit)
-    ax, ay, az, ae = after.unit / _column_norms(after.unit)
+def _compute_squared_speeds_by_deviation(limits: MotionLimits, before: Blocks, after: Blocks) -> Float:
+    """Return the squared corner speeds by junction deviation, see `blocks._compute_squared_speed_by_deviation`."""
+    bx, by, bz, be = before.unit / _compute_column_norms(before.unit)
+    ax, ay, az, ae = after.unit / _compute_column_norms(after.unit)
     cosine = ax * bx + ay * by + az * bz + ae * be
     straight = cosine > STRAIGHT_COSINE
     cosine[straight] = 0.0  # any harmless value
@@ -272,25 +277,25 @@ def _squared_speeds_by_deviation(limits: MotionLimits, before: Blocks, after: Bl
     return squares
 
 
-def _column_norms(unit: Float) -> Float:
+def _compute_column_norms(unit: Float) -> Float:
     """Return the lengths of the columns (B,) of an array (4, B)."""
     x, y, z, e = unit
     sizes: Float = np.sqrt(x * x + y * y + z * z + e * e)
     return sizes
 
 
-def _speeds_by_jerk(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
-    """Return the corner speeds by jerk, see `blocks._speed_by_jerk`."""
+def _compute_speeds_by_jerk(limits: MotionLimits, before: Blocks, after: Blocks, speed: Float) -> Float:
+    """Return the corner speeds by jerk, see `blocks._compute_speed_by_jerk`."""
     for b, a, limit in zip(before.unit, after.unit, limits.jerk, strict=True):
         jump = np.where(a * b > 0.0, np.abs(a - b), np.maximum(np.abs(a), np.abs(b)))
         speed = _limit_product(speed, jump, limit)
     return speed
 
 
-def _squared_speeds_by_square_corner(
+def _compute_squared_speeds_by_square_corner(
     limits: MotionLimits, before: Blocks, after: Blocks, slower: Float
 ) -> Float:
-    """Return the squared corner speeds by square corner velocity, see `blocks._squared_speed_by_square_corner`."""
+    """Return squared corner speeds by square corner velocity, see `blocks._compute_squared_speed_by_square_corner`."""
     bx, by, bz, be = before.unit
     ax, ay, az, ae = after.unit
     if limits.jerk[3] > 0.0:
@@ -310,20 +315,21 @@ def _squared_speeds_by_square_corner(
     return squares
 
 
-def _max_squared_speeds(corners: Float, gains: Float, entry: float) -> Float:
+def _compute_max_squared_speeds(corners: Float, gains: Float, entry: float) -> Float:
     """Return the maximum squared speeds at the start of each block (B + 1,), and 0 at the end of the last."""
     if not len(gains):
         return np.array([entry])
-    braking = accumulate_limited(corners[::-1], gains[::-1])[::-1]
-    return np.concatenate([[entry], accumulate_limited(np.append(braking[1:], 0.0), gains, entry)])
+    braking = accumulate_with_limit(corners[::-1], gains[::-1])[::-1]
+    return np.concatenate([[entry], accumulate_with_limit(np.append(braking[1:], 0.0), gains, entry)])
 
 
-def accumulate_limited(upper_bound: Float, gain: Float, first: float = 0.0) -> Float:
+def accumulate_with_limit(upper_bound: Float, gain: Float, first: float = 0.0) -> Float:
     """Compute y[i] = min(upper_bound[i], y[i - 1] + gain[i]) for all i, starting from y[-1] = `first`.
 
-    With the cumulative sums P of the gains this is P plus a running minimum of limit - P, but after a million moves P
-    has too few digits for a slow corner. So the recurrence is run on about √B rows of √B moves in parallel: first to
-    express the end of each row as min(bound, y + rise) of its start y, then, with known starts, for the values.
+    With the cumulative sums P of the gains, y is P plus a running minimum of upper_bound - P. But after a million moves
+    P has too few digits for a slow corner. So the values are divided into about √B rows of √B values, and the
+    recurrence runs on all rows in parallel, twice. The first run expresses the end of each row as min(bound, y + rise),
+    where y is the start of the row. When the starts are known, the second run computes the values.
     """
     n_rows = max(1, int(np.sqrt(len(upper_bound))))
     width = -(-len(upper_bound) // n_rows)
@@ -345,8 +351,8 @@ def accumulate_limited(upper_bound: Float, gain: Float, first: float = 0.0) -> F
 
 
 def _compute_cruise_limits(corners: Float, gains: Float, entry: float) -> CruiseLimits:
-    """Return squared cruise limits that leave the minimum fraction of cruise, see `rules._squared_cruise_limits`."""
-    squares = _max_squared_speeds(corners, gains, entry)
+    """Return the cruise limits for `minimum_cruise_ratio`, see `rules._compute_squared_cruise_limits`."""
+    squares = _compute_max_squared_speeds(corners, gains, entry)
     before, behind = squares[:-1], squares[1:]
     n_blocks, index = len(gains), np.arange(len(gains))
     only_accelerates = behind >= (before + gains) * EQUAL_RATIO
@@ -360,8 +366,8 @@ def _compute_cruise_limits(corners: Float, gains: Float, entry: float) -> Cruise
     return CruiseLimits(gains, squares, only_accelerates, only_brakes, tops[top_of])
 
 
-def ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
-    """Return the times of blocks (B,), s, see `blocks.ramp_time`; `squares` is (B + 1,), `tops` (B,)."""
+def compute_ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
+    """Return the times of blocks (B,), s, see `blocks.compute_ramp_time`; `squares` is (B + 1,), `tops` (B,)."""
     length, acceleration = blocks.length, blocks.acceleration
     entry = np.sqrt(np.minimum(squares[:-1], tops))
     exit_ = np.sqrt(np.minimum(squares[1:], tops))
@@ -386,13 +392,13 @@ class RequestedMoves(Struct, frozen=True, eq=False):
     acceleration: Float
     stop: Bool
 
-    def part(self, which: slice) -> RequestedMoves:
+    def take_slice(self, which: slice) -> RequestedMoves:
         """Return a slice of the moves."""
         return RequestedMoves(
             self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
         )
 
-    def followed_by(self, moves: RequestedMoves) -> RequestedMoves:
+    def append_moves(self, moves: RequestedMoves) -> RequestedMoves:
         """Return these moves followed by `moves`."""
         return RequestedMoves(
             np.concatenate([self.delta, moves.delta]),
@@ -425,14 +431,14 @@ class Stopwatch:
 
     def add(self, moves: RequestedMoves) -> None:
         """Add moves; sum up the times that no later move can change."""
-        moves = self._waiting.followed_by(moves) if self._waiting else moves
+        moves = self._waiting.append_moves(moves) if self._waiting else moves
         planned = self._plan(moves)
         known = planned.count_final()
         if known:
             self._seconds += float(planned.times(slice(known)).sum())
             smooth = planned.smoothed.squares[known] if planned.smoothed else 0.0
             self._entry = float(planned.squares[known]), float(smooth)
-            moves = moves.part(np.s_[int(planned.moving[known]) :])
+            moves = moves.take_slice(np.s_[int(planned.moving[known]) :])
         self._waiting = moves
 
     def stop_and_sum(self) -> float:
@@ -460,8 +466,8 @@ FLOW_WINDOW = 0.2
 _ROUNDING = 1e-7  # mm³, rounding error of sums
 
 
-def volumetric_flow(volume: Float, seconds: Float) -> Float:
-    """Return the flow of consecutive extrusions (n,), mm³/s, averaged over each and the moves before it up to 0.2 mm³.
+def compute_volumetric_flow(volume: Float, seconds: Float) -> Float:
+    """Return the volumetric flow (n,) of consecutive extrusions, mm³/s, each averaged over the last 0.2 mm³.
 
     So the many short moves of a curve get the same flow as one long move. The flow is 0 until 0.2 mm³ are extruded.
 

@@ -15,7 +15,7 @@ import numpy as np
 from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.vectorized import durations
+from printer_slicer.motion.vectorized import compute_durations
 from printer_slicer.values import Struct
 
 __all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
@@ -80,7 +80,9 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
     def contour_seconds(speed: float) -> Float:
         """Return the time (L,) of the line along the contours of each layer at this speed, s."""
         speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
-        seconds_of_moves = durations(delta, speeds, limits, stop_after=ends, acceleration=accelerations)
+        seconds_of_moves = compute_durations(
+            delta, speeds, limits, stop_after=ends, acceleration=accelerations
+        )
         return np.asarray(
             np.bincount(layer, weights=seconds_of_moves, minlength=contours.n_layers), np.float64
         )
@@ -121,7 +123,7 @@ def time_rows(connection: float, line: LineMotion, slowest: float, limits: Motio
     def row_seconds(speed: float) -> Float:
         """Return the time (m,) of one line of each length and its connection at this speed, s."""
         speeds, accelerations = np.full(len(delta), speed), np.full(len(delta), line.acceleration)
-        seconds_of_moves = durations(
+        seconds_of_moves = compute_durations(
             delta, speeds, limits, stop_after=stops.ravel(), acceleration=accelerations
         )
         middle = seconds_of_moves.reshape(_N_LENGTHS, _LINES_PER_ROW, 2)[:, _LINES_PER_ROW // 2]

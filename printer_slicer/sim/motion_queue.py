@@ -188,7 +188,7 @@ class MotionQueue:
         """The running move and the waiting moves; None while the machine stands still."""
         if not self._running:
             return None
-        queue, last, square = self._lookahead.queue_state()
+        queue, last, square = self._lookahead.get_queue_state()
         return PlannedMotion(
             tuple(queue), last, square, tuple(self.targets), self._rest_position, self._began, self.ends
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import hypot
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.motion.arcs import arc_points, centre_by_offset, centre_by_radius
+from printer_slicer.motion.arcs import find_centre_by_offset, find_centre_by_radius, split_arc
 from printer_slicer.motion.rules import Axes, Block, make_block
 from printer_slicer.sim.machine import AXES
 from printer_slicer.sim.parsed_command import Command
@@ -196,7 +196,7 @@ def _move_along_arc(state: FirmwareState, command: Command) -> Steps | None:
         state.send_line("Error:G2/G3 bad parameters")
         state.record_violation("arc without a centre")
         return None
-    return _push_chords(state, arc_points(start, goal, centre, clockwise=command.code == "G2"))
+    return _push_chords(state, split_arc(start, goal, centre, clockwise=command.code == "G2"))
 
 
 def _find_arc_centre(state: FirmwareState, command: Command, goal: Axes) -> tuple[float, float] | None:
@@ -205,8 +205,10 @@ def _find_arc_centre(state: FirmwareState, command: Command, goal: Axes) -> tupl
     radius = command.value("R")
     if radius is None:
         i, j = (command.value(letter) or 0.0 for letter in "IJ")
-        return centre_by_offset(start, i * state.unit, j * state.unit)
-    return centre_by_radius(start, (goal[0], goal[1]), radius * state.unit, clockwise=command.code == "G2")
+        return find_centre_by_offset(start, i * state.unit, j * state.unit)
+    return find_centre_by_radius(
+        start, (goal[0], goal[1]), radius * state.unit, clockwise=command.code == "G2"
+    )
 
 
 def _push_chords(state: FirmwareState, points: Iterator[Axes]) -> Steps:

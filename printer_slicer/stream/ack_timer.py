@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from printer_slicer.gcode.commands import TABLE, Effect, find_codes
 from printer_slicer.gcode.state import Move
-from printer_slicer.motion.rules import make_block, ramp_time
+from printer_slicer.motion.rules import compute_ramp_time, make_block
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -254,7 +254,7 @@ class ResponseTimeout:
             x, y, z, e = move.delta
             return 2 * max(max(hypot(x, y, z), abs(e)) / speed, abs(z) / _LOWEST_Z_SPEED)
         block = make_block(self._limits, move.delta, speed)
-        return ramp_time(block.length, 0.0, block.speed, 0.0, block.acceleration) if block else 0.0
+        return compute_ramp_time(block.length, 0.0, block.speed, 0.0, block.acceleration) if block else 0.0
 
 
 def _find_max_execution_time(word: bytes) -> float:

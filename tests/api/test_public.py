@@ -19,7 +19,7 @@ import pytest
 
 import printer_slicer as ps
 from printer_slicer.cli.argument_flags import replace_arguments_by_options
-from printer_slicer.drawing.canvas import Text, text_width
+from printer_slicer.drawing.canvas import Text, estimate_text_width
 from printer_slicer.version import VERSION
 from tests.api.example import run
 from tests.parts import box, cone
@@ -377,7 +377,10 @@ def right_ends(picture: ps.Picture) -> list[tuple[Text, float]]:
     """The texts of a picture, and where each ends, px."""
     texts = [shape for shape in picture.shapes if isinstance(shape, Text)]
     share = {"start": 1.0, "middle": 0.5, "end": 0.0}
-    return [(one, one.x + share[one.anchor] * text_width(one.text, one.size, bold=one.bold)) for one in texts]
+    return [
+        (one, one.x + share[one.anchor] * estimate_text_width(one.text, one.size, bold=one.bold))
+        for one in texts
+    ]
 
 
 def test_the_worst_layer_of_a_certificate_is_counted_from_1() -> None:

@@ -13,7 +13,7 @@ import pytest
 import printer_slicer as ps
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.diagnostics import Diagnostic
-from printer_slicer.drawing import coverage_picture
+from printer_slicer.drawing import draw_coverage
 from printer_slicer.drawing.canvas import Box, Line, Text
 from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
 from printer_slicer.mesh_io import export_stl
@@ -125,7 +125,7 @@ def test_the_close_up_of_a_corner_stays_within_the_layer(gcode: Path) -> None:
     corner = coverage.sections.rings(0)
     x, y = np.concatenate(list(corner)).max(axis=0).tolist()
     finding = Diagnostic("outside", "error", "a corner " * 40, layer=1, z=0.2, place=(x, y))
-    picture = coverage_picture(coverage, [finding], "title", CoverageLimits())
+    picture = draw_coverage(coverage, [finding], "title", CoverageLimits())
     (frame,) = [one.points for one in picture.shapes if isinstance(one, Line) and one.name == "close-up"]
     whole = next(one for one in reversed(picture.shapes) if isinstance(one, Box) and one.name == "panel")
     heading = [one for one in picture.shapes if isinstance(one, Text) and "a corner" in one.text]

@@ -14,10 +14,10 @@ from printer_slicer.motion.rules import (
     Block,
     Lookahead,
     MotionLimits,
-    block_times,
-    corner_speed,
+    compute_block_times,
+    compute_corner_speed,
+    compute_ramp_time,
     make_block,
-    ramp_time,
 )
 
 MARLIN = MotionLimits(
@@ -46,7 +46,7 @@ def block(limits: MotionLimits, *delta: float, speed: float = 100.0) -> Block:
 def turn(limits: MotionLimits, degrees: float, length: float = 50.0) -> float:
     before = block(limits, length)
     after = block(limits, length * cos(radians(degrees)), length * sin(radians(degrees)))
-    return corner_speed(limits, before, after)
+    return compute_corner_speed(limits, before, after)
 
 
 def run(blocks: list[Block], limits: MotionLimits) -> list[float]:
@@ -138,8 +138,8 @@ def test_straight_on_needs_no_slowing_down(limits: MotionLimits) -> None:
 def test_the_slower_of_two_moves_bounds_the_corner(limits: MotionLimits) -> None:
     fast, slow = block(limits, 50.0, speed=200.0), block(limits, 50.0, speed=3.0)
 
-    assert corner_speed(limits, fast, slow) == pytest.approx(3.0)
-    assert corner_speed(limits, slow, fast) == pytest.approx(3.0)
+    assert compute_corner_speed(limits, fast, slow) == pytest.approx(3.0)
+    assert compute_corner_speed(limits, slow, fast) == pytest.approx(3.0)
 
 
 def test_square_corner_velocity_is_the_speed_of_a_square_corner() -> None:
@@ -158,9 +158,9 @@ def test_junction_deviation_stays_within_the_acceleration_of_every_axis() -> Non
 
     # The bisector of this corner points along y, so only y has to turn the head.
     before, after = block(weak_y, 50.0, 1e-3), block(weak_y, 50.0, -50.0)
-    slower = corner_speed(weak_y, before, after)
+    slower = compute_corner_speed(weak_y, before, after)
 
-    assert slower < corner_speed(MARLIN, block(MARLIN, 50.0, 1e-3), block(MARLIN, 50.0, -50.0))
+    assert slower < compute_corner_speed(MARLIN, block(MARLIN, 50.0, 1e-3), block(MARLIN, 50.0, -50.0))
 
 
 @pytest.mark.parametrize("limits", [MARLIN, KLIPPER])
@@ -173,7 +173,7 @@ def test_a_circle_of_short_pieces_is_run_at_the_centripetal_limit() -> None:
     points = [(radius * cos(2 * pi * i / n_pieces), radius * sin(2 * pi * i / n_pieces)) for i in range(3)]
     pieces = [block(MARLIN, bx - ax, by - ay, speed=300.0) for (ax, ay), (bx, by) in pairwise(points)]
 
-    assert corner_speed(MARLIN, *pieces) ** 2 == pytest.approx(1500.0 * radius, rel=1e-3)
+    assert compute_corner_speed(MARLIN, *pieces) ** 2 == pytest.approx(1500.0 * radius, rel=1e-3)
 
 
 def test_jerk_bounds_the_jump_of_each_axis() -> None:
@@ -186,22 +186,22 @@ def test_jerk_bounds_the_jump_of_each_axis() -> None:
 def test_jerk_of_the_extruder_bounds_a_change_of_flow() -> None:
     thin, thick = block(JERK, 50.0, 0.0, 0.0, 1.0), block(JERK, 50.0, 0.0, 0.0, 11.0)
 
-    assert corner_speed(JERK, thin, thick) == pytest.approx(5.0 / 0.2)
+    assert compute_corner_speed(JERK, thin, thick) == pytest.approx(5.0 / 0.2)
 
 
 def test_a_change_of_flow_slows_klipper_only_when_a_limit_is_given() -> None:
     thin, thick = block(KLIPPER, 50.0, 0.0, 0.0, 1.0), block(KLIPPER, 50.0, 0.0, 0.0, 6.0)
 
-    assert corner_speed(KLIPPER, thin, thick) == pytest.approx(1.0 / 0.1)
-    assert corner_speed(replace(KLIPPER, jerk=(0.0,) * 4), thin, thick) == 100.0
+    assert compute_corner_speed(KLIPPER, thin, thick) == pytest.approx(1.0 / 0.1)
+    assert compute_corner_speed(replace(KLIPPER, jerk=(0.0,) * 4), thin, thick) == 100.0
 
 
 def test_klipper_stops_around_moves_of_the_extruder_alone_and_marlin_does_not() -> None:
     for limits, stops in ((KLIPPER, True), (MARLIN, False), (JERK, False)):
         retract, travel = block(limits, 0.0, 0.0, 0.0, -1.0, speed=40.0), block(limits, 50.0)
 
-        assert (corner_speed(limits, retract, travel) == 0.0) is stops
-        assert (corner_speed(limits, travel, retract) == 0.0) is stops
+        assert (compute_corner_speed(limits, retract, travel) == 0.0) is stops
+        assert (compute_corner_speed(limits, travel, retract) == 0.0) is stops
 
 
 def test_klipper_leaves_room_for_the_arc_on_short_moves() -> None:
@@ -226,15 +226,15 @@ def test_a_sharper_corner_is_never_faster(limits: MotionLimits, degrees: float, 
 
 def test_a_long_move_is_a_trapezoid() -> None:
     # 0.1 s and 5 mm for each ramp, 90 mm of cruise.
-    assert ramp_time(100.0, 0.0, 100.0, 0.0, 1000.0) == pytest.approx(0.1 + 0.9 + 0.1)
+    assert compute_ramp_time(100.0, 0.0, 100.0, 0.0, 1000.0) == pytest.approx(0.1 + 0.9 + 0.1)
 
 
 def test_a_short_move_is_a_triangle() -> None:
-    assert ramp_time(1.0, 0.0, 100.0, 0.0, 1000.0) == pytest.approx(2 * sqrt(1.0 / 1000.0))
+    assert compute_ramp_time(1.0, 0.0, 100.0, 0.0, 1000.0) == pytest.approx(2 * sqrt(1.0 / 1000.0))
 
 
 def test_a_move_between_its_own_speeds_never_ramps() -> None:
-    assert ramp_time(30.0, 60.0, 60.0, 60.0, 500.0) == pytest.approx(0.5)
+    assert compute_ramp_time(30.0, 60.0, 60.0, 60.0, 500.0) == pytest.approx(0.5)
 
 
 @given(
@@ -256,9 +256,9 @@ def test_cutting_a_ramp_anywhere_leaves_its_time(
         cruise, sqrt(entry**2 + 2 * acceleration * cut), sqrt(exit_**2 + 2 * acceleration * (length - cut))
     )
 
-    whole = ramp_time(length, entry, cruise, exit_, acceleration)
+    whole = compute_ramp_time(length, entry, cruise, exit_, acceleration)
     parts = [(cut, entry, middle), (length - cut, middle, exit_)]
-    total = sum(ramp_time(d, a, cruise, b, acceleration) for d, a, b in parts if d > 0)
+    total = sum(compute_ramp_time(d, a, cruise, b, acceleration) for d, a, b in parts if d > 0)
     assert total == pytest.approx(whole, rel=1e-6, abs=1e-9)
 
 
@@ -271,7 +271,7 @@ def test_an_empty_queue_takes_no_time() -> None:
     assert len(lookahead) == 0
     assert lookahead.pop() == 0.0
     assert lookahead.exit_speed == 0.0
-    assert block_times([], MARLIN) == []
+    assert compute_block_times([], MARLIN) == []
 
 
 def test_a_queue_is_full_at_the_planners_size() -> None:
@@ -289,7 +289,7 @@ def test_the_last_block_in_the_queue_ends_at_rest() -> None:
     lookahead = Lookahead(MARLIN)
     lookahead.push(block(MARLIN, 20.0))
 
-    assert lookahead.pop() == pytest.approx(ramp_time(20.0, 0.0, 100.0, 0.0, 1500.0))
+    assert lookahead.pop() == pytest.approx(compute_ramp_time(20.0, 0.0, 100.0, 0.0, 1500.0))
     assert lookahead.exit_speed == 0.0
 
 
@@ -299,7 +299,7 @@ def test_a_starved_planner_stops_at_every_corner() -> None:
         lookahead.push(block(MARLIN, 5.0))
         starved.append(lookahead.pop())
 
-    assert starved == pytest.approx([ramp_time(5.0, 0.0, 100.0, 0.0, 1500.0)] * 10)
+    assert starved == pytest.approx([compute_ramp_time(5.0, 0.0, 100.0, 0.0, 1500.0)] * 10)
 
 
 def test_after_a_stop_the_next_block_starts_at_rest() -> None:
@@ -310,7 +310,7 @@ def test_after_a_stop_the_next_block_starts_at_rest() -> None:
 
     first, second = lookahead.pop(), lookahead.pop()
 
-    assert first == pytest.approx(ramp_time(20.0, 0.0, 100.0, 0.0, 1500.0))
+    assert first == pytest.approx(compute_ramp_time(20.0, 0.0, 100.0, 0.0, 1500.0))
     assert second == pytest.approx(first)
 
 
@@ -331,7 +331,7 @@ def test_every_speed_is_within_reach_and_within_the_corner(path: tuple[MotionLim
     lookahead, entry = Lookahead(limits), 0.0
     for item in blocks:
         lookahead.push(item)
-    corners = [corner_speed(limits, a, b) for a, b in pairwise(blocks)] + [0.0] * bool(blocks)
+    corners = [compute_corner_speed(limits, a, b) for a, b in pairwise(blocks)] + [0.0] * bool(blocks)
 
     for item, corner in zip(blocks, corners, strict=True):
         seconds = lookahead.pop()
@@ -350,7 +350,7 @@ def test_a_queue_without_end_is_the_plan(path: tuple[MotionLimits, list[Block]],
     blocks = path[1]
     limits = replace(path[0], planner_blocks=ENDLESS, minimum_cruise_ratio=ratio)
 
-    assert run(blocks, limits) == pytest.approx(block_times(blocks, limits), rel=1e-9, abs=0)
+    assert run(blocks, limits) == pytest.approx(compute_block_times(blocks, limits), rel=1e-9, abs=0)
 
 
 @given(paths(), st.integers(1, 10))
@@ -362,7 +362,7 @@ def test_looking_further_ahead_is_never_slower(path: tuple[MotionLimits, list[Bl
     short, long, endless = (
         sum(run(blocks, limits)),
         sum(run(blocks, further)),
-        sum(block_times(blocks, limits)),
+        sum(compute_block_times(blocks, limits)),
     )
     assert endless * (1 - 1e-12) <= long <= short * (1 + 1e-12)
 
@@ -385,14 +385,14 @@ def test_the_minimum_cruise_ratio_is_the_share_of_the_way_at_cruise_speed(ratio:
     # Two ramps share what is not cruise: v²/2a each.
     top = sqrt(acceleration * length * (1 - ratio))
     expected = 2 * top / acceleration + ratio * length / top
-    assert block_times([block(limits, length)], limits) == pytest.approx([expected])
+    assert compute_block_times([block(limits, length)], limits) == pytest.approx([expected])
 
 
 def test_moves_that_reach_their_speed_do_not_feel_the_minimum_cruise_ratio() -> None:
     blocks = [block(KLIPPER, 80.0), block(KLIPPER, 0.0, 80.0)]
 
-    assert block_times(blocks, replace(KLIPPER, minimum_cruise_ratio=0.5)) == pytest.approx(
-        block_times(blocks, KLIPPER)
+    assert compute_block_times(blocks, replace(KLIPPER, minimum_cruise_ratio=0.5)) == pytest.approx(
+        compute_block_times(blocks, KLIPPER)
     )
 
 
@@ -405,9 +405,9 @@ def test_a_line_cut_into_pieces_takes_as_long_as_the_line(
     firmware: MotionLimits, ratio: float, pieces: list[float]
 ) -> None:
     limits = replace(firmware, minimum_cruise_ratio=ratio)
-    whole = block_times([block(limits, 3 * sum(pieces), 4 * sum(pieces))], limits)
+    whole = compute_block_times([block(limits, 3 * sum(pieces), 4 * sum(pieces))], limits)
 
-    cut = block_times([block(limits, 3 * piece, 4 * piece) for piece in pieces], limits)
+    cut = compute_block_times([block(limits, 3 * piece, 4 * piece) for piece in pieces], limits)
 
     assert sum(cut) == pytest.approx(sum(whole), rel=1e-6)
 
@@ -415,11 +415,11 @@ def test_a_line_cut_into_pieces_takes_as_long_as_the_line(
 def test_a_zigzag_is_smoothed_corner_by_corner() -> None:
     zigzag = [block(KLIPPER, 1.0, sign * 1.0) for sign in [1.0, -1.0] * 20]
     smoothed = replace(KLIPPER, minimum_cruise_ratio=0.5)
-    corner = corner_speed(KLIPPER, *zigzag[:2])
+    corner = compute_corner_speed(KLIPPER, *zigzag[:2])
 
-    inner = block_times(zigzag, smoothed)[20]
+    inner = compute_block_times(zigzag, smoothed)[20]
 
     length, acceleration = hypot(1, 1), 1500.0
     top = sqrt(corner**2 + 0.5 * acceleration * length)
-    assert inner == pytest.approx(ramp_time(length, corner, top, corner, acceleration))
-    assert inner > block_times(zigzag, KLIPPER)[20]
+    assert inner == pytest.approx(compute_ramp_time(length, corner, top, corner, acceleration))
+    assert inner > compute_block_times(zigzag, KLIPPER)[20]

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from printer_slicer.motion.rules import MotionLimits, block_times, make_block, ramp_time
-from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch, durations
+from printer_slicer.motion.rules import MotionLimits, compute_block_times, compute_ramp_time, make_block
+from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch, compute_durations
 
 MARLIN = MotionLimits(
     max_speed=(300.0, 300.0, 12.0, 50.0),
@@ -36,7 +36,9 @@ MACHINES.append(replace(MARLIN, min_segment_seconds=0.02))
 def one_by_one(delta: np.ndarray, speed: np.ndarray, limits: MotionLimits) -> np.ndarray:
     blocks = [make_block(limits, tuple(d), v) for d, v in zip(delta.tolist(), speed.tolist(), strict=True)]
     seconds = np.zeros(len(delta))
-    seconds[[b is not None for b in blocks]] = block_times([b for b in blocks if b is not None], limits)
+    seconds[[b is not None for b in blocks]] = compute_block_times(
+        [b for b in blocks if b is not None], limits
+    )
     return seconds
 
 
@@ -61,7 +63,7 @@ def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: MotionLimits) -> 
     delta, speed = print_like(20_000, seed=7)
 
     np.testing.assert_allclose(
-        durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
+        compute_durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
     )
 
 
@@ -69,8 +71,8 @@ def test_no_segment_is_shorter_than_the_machine_allows() -> None:
     delta, speed = print_like(5_000, seed=3)
     moves = np.abs(delta).max(axis=1) > 0.01  # shorter ones would crawl
 
-    usual = durations(delta, speed, MARLIN)
-    slow = durations(delta, speed, replace(MARLIN, min_segment_seconds=0.02))
+    usual = compute_durations(delta, speed, MARLIN)
+    slow = compute_durations(delta, speed, replace(MARLIN, min_segment_seconds=0.02))
 
     assert usual[moves].min() < 0.01
     assert slow[moves].min() >= 0.02 - 1e-9
@@ -92,7 +94,7 @@ def test_any_moves_take_as_long_as_one_by_one(
     delta, speed = columns[:, :4], columns[:, 4]
 
     np.testing.assert_allclose(
-        durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
+        compute_durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
     )
 
 
@@ -103,9 +105,9 @@ def test_a_million_pieces_of_a_line_take_as_long_as_the_line(limits: MotionLimit
     # A travel of 40 m: a sum of what the pieces gain would have grown to 1e8 (mm/s)² and lost eight digits.
     delta = np.tile([0.024, 0.032, 0.0, 0.0], (1_000_000, 1))
 
-    seconds = durations(delta, np.full(len(delta), 200.0), limits)
+    seconds = compute_durations(delta, np.full(len(delta), 200.0), limits)
 
-    assert seconds.sum() == pytest.approx(ramp_time(40_000.0, 0.0, 200.0, 0.0, 1500.0), rel=1e-9)
+    assert seconds.sum() == pytest.approx(compute_ramp_time(40_000.0, 0.0, 200.0, 0.0, 1500.0), rel=1e-9)
     # The last piece brakes from what 0.04 mm allow: a slow corner a million moves away keeps its digits.
     assert seconds[-1] == pytest.approx(sqrt(2 * 0.04 / 1500.0), rel=1e-9)
 
@@ -119,7 +121,7 @@ def test_a_stop_parts_the_plan(limits: MotionLimits) -> None:
     stops = np.zeros(300, dtype=bool)
     stops[[50, 120, 299]] = True
 
-    seconds = durations(delta, speed, limits, stop_after=stops)
+    seconds = compute_durations(delta, speed, limits, stop_after=stops)
 
     parts = [slice(0, 51), slice(51, 121), slice(121, 300)]
     expected = np.concatenate([one_by_one(delta[part], speed[part], limits) for part in parts])
@@ -135,7 +137,7 @@ def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: MotionLi
     wanted = np.repeat([400.0, 2400.0], 100)
     stops = np.arange(200) == 99
 
-    seconds = durations(delta, speed, limits, stop_after=stops, acceleration=wanted)
+    seconds = compute_durations(delta, speed, limits, stop_after=stops, acceleration=wanted)
 
     expected = [
         one_by_one(
@@ -149,8 +151,8 @@ def test_acceleration_of_each_move_replaces_that_of_the_machine(limits: MotionLi
 
 
 def test_no_moves_take_no_time() -> None:
-    assert durations(np.zeros((0, 4)), np.zeros(0), MARLIN).shape == (0,)
-    assert durations(np.zeros((3, 4)), np.ones(3), MARLIN).tolist() == [0.0, 0.0, 0.0]
+    assert compute_durations(np.zeros((0, 4)), np.zeros(0), MARLIN).shape == (0,)
+    assert compute_durations(np.zeros((3, 4)), np.ones(3), MARLIN).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_arguments_are_left_as_they_were() -> None:
@@ -158,7 +160,7 @@ def test_arguments_are_left_as_they_were() -> None:
     kept = delta.copy(), speed.copy()
     delta.flags.writeable = speed.flags.writeable = False
 
-    durations(delta, speed, MARLIN)
+    compute_durations(delta, speed, MARLIN)
 
     assert np.array_equal(delta, kept[0])
     assert np.array_equal(speed, kept[1])
@@ -167,7 +169,7 @@ def test_arguments_are_left_as_they_were() -> None:
 def test_faster_is_never_slower() -> None:
     delta, speed = print_like(500, seed=2)
 
-    slow, fast = durations(delta, speed, MARLIN), durations(delta, 2 * speed, MARLIN)
+    slow, fast = compute_durations(delta, speed, MARLIN), compute_durations(delta, 2 * speed, MARLIN)
 
     assert fast.sum() < slow.sum()
 
@@ -178,13 +180,13 @@ def test_faster_is_never_slower() -> None:
 def in_pieces(wanted: RequestedMoves, limits: MotionLimits, cuts: list[int]) -> float:
     watch = Stopwatch(limits)
     for first, last in pairwise([0, *cuts, len(wanted.speed)]):
-        watch.add(wanted.part(slice(first, last)))
+        watch.add(wanted.take_slice(slice(first, last)))
     return watch.stop_and_sum()
 
 
 def at_once(wanted: RequestedMoves, limits: MotionLimits) -> float:
     return float(
-        durations(
+        compute_durations(
             wanted.delta, wanted.speed, limits, stop_after=wanted.stop, acceleration=wanted.acceleration
         ).sum()
     )

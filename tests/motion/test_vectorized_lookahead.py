@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.motion.rules import Lookahead, MotionLimits, limits_of, make_block
-from printer_slicer.motion.vectorized import find_nonzero_moves, make_blocks, squared_corner_speeds
-from printer_slicer.motion.vectorized_lookahead import lookahead_seconds
+from printer_slicer.motion.vectorized import compute_squared_corner_speeds, find_nonzero_moves, make_blocks
+from printer_slicer.motion.vectorized_lookahead import compute_lookahead_seconds
 from printer_slicer.profile import load_profile
 
 CORNERS = ["junction_deviation", "jerk", "square_corner"]
@@ -53,8 +53,10 @@ def test_blocks_take_as_long_as_in_a_full_planner(
         np.ascontiguousarray(table[moving].T), length, np.full(len(moving), speed), None, own
     )
     corners = np.zeros(len(moving))
-    corners[1:] = squared_corner_speeds(own, blocks.part(np.s_[:-1]), blocks.part(np.s_[1:]))
-    seconds, squares = lookahead_seconds(blocks, corners, planner - 1, 0.0)
+    corners[1:] = compute_squared_corner_speeds(
+        own, blocks.take_slice(np.s_[:-1]), blocks.take_slice(np.s_[1:])
+    )
+    seconds, squares = compute_lookahead_seconds(blocks, corners, planner - 1, 0.0)
 
     assert seconds == pytest.approx(one_by_one(table, speed, own), rel=1e-9, abs=1e-12)
     assert len(squares) == len(seconds)

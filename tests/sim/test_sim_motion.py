@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sim_console import COLD_OK, NIMBLE, Console
 
-from printer_slicer.motion.rules import Block, block_times, make_block
+from printer_slicer.motion.rules import Block, compute_block_times, make_block
 from printer_slicer.sim.firmwares import KLIPPER, MARLIN_2_1_ADVANCED
 from printer_slicer.sim.machine import Machine
 from printer_slicer.sim.statistics import Statistics
@@ -48,7 +48,7 @@ def test_a_fed_planner_takes_as_long_as_the_plan_of_the_whole(
     console.do(*[f"G1 X{x} Y{y}" for x, y in points], "M400")
 
     # Moves shorter than the braking distance make the sixteen blocks of the firmware a little slower.
-    expected = sum(block_times(blocks(points, speed), LIMITS))
+    expected = sum(compute_block_times(blocks(points, speed), LIMITS))
     assert expected - 1e-9 <= console.printer.report().motion_seconds <= expected * 1.02 + 1e-9
     assert console.printer.report().underruns == 0
 
@@ -58,7 +58,7 @@ def test_long_moves_take_exactly_as_long_as_planned_on_the_clock_too() -> None:
     console = Console()
     console.do("G1 F6000", *[f"G1 X{x} Y{y}" for x, y in points], "M400")
 
-    assert console.now == pytest.approx(sum(block_times(blocks(points, 100.0), LIMITS)), rel=1e-12)
+    assert console.now == pytest.approx(sum(compute_block_times(blocks(points, 100.0), LIMITS)), rel=1e-12)
 
 
 def test_a_full_planner_holds_back_the_ok_until_a_move_is_made() -> None:
@@ -162,7 +162,7 @@ def test_the_order_and_spacing_of_words_does_not_matter(text: str) -> None:
     console.do(text, "M400")
 
     assert place(console) == {"X": 10.0, "Y": 5.0, "Z": 0.0, "E": 0.0}
-    assert console.now == pytest.approx(sum(block_times(blocks([(10.0, 5.0)], 10.0), LIMITS)))
+    assert console.now == pytest.approx(sum(compute_block_times(blocks([(10.0, 5.0)], 10.0), LIMITS)))
 
 
 def test_an_e_behind_a_number_is_an_axis_and_not_an_exponent() -> None:

@@ -509,7 +509,7 @@ def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
 
 def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: Path) -> None:
     """Draw the worst layer of each kind of finding, then further layers with findings, up to four in all."""
-    from printer_slicer.drawing import coverage_picture, picture_bytes
+    from printer_slicer.drawing import draw_coverage, encode_picture
 
     kinds: dict[str, Diagnostic] = {}
     for finding in check.findings:
@@ -518,5 +518,5 @@ def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: P
     for finding in (*kinds.values(), *check.findings):
         chosen.setdefault(finding.layer, finding)
     title = sanitize(f"{check.name} against {model}")
-    picture = coverage_picture(check.coverage, list(chosen.values())[:_MAX_DRAWN], title, limits)
-    write_file(path, picture_bytes(picture, path))
+    picture = draw_coverage(check.coverage, list(chosen.values())[:_MAX_DRAWN], title, limits)
+    write_file(path, encode_picture(picture, path))

@@ -299,7 +299,7 @@ def _contour_facts(
         "rounding": round(rounded.error, _DECIMALS),
         # JSON has no number for an infinite spacing.
         "spacing": arguments.resample if arguments.resample != inf else None,
-        "farthest_apart": round(rounded.longest_edge() * _file_unit(target), _DECIMALS),
+        "farthest_apart": round(rounded.find_longest_edge() * _file_unit(target), _DECIMALS),
         "at_most_off": off | {"together": round(sum(off.values()), _DECIMALS)},
         "rings_left_out": rounded.lost,
         "notes": _find_notes(sections, rounded, target),

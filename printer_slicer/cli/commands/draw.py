@@ -94,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Draw one layer of a G-code file, and print its extrusions."""
     from printer_slicer.commands import read_text
-    from printer_slicer.drawing import View, gcode_layer_picture, picture_bytes
+    from printer_slicer.drawing import View, draw_gcode_layer, encode_picture
     from printer_slicer.inspection.coverage.layer_extrusions import extrusions_of_layer, file_layers_of
     from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
@@ -116,8 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
         view = View(arguments.box, arguments.pixels, arguments.travel, rings)
         _check_box(arguments, sheet)
         report("drawing")
-        picture = gcode_layer_picture(sheet, sanitize(arguments.gcode.name), view)
-        write_file(arguments.output, picture_bytes(picture, arguments.output))
+        picture = draw_gcode_layer(sheet, sanitize(arguments.gcode.name), view)
+        write_file(arguments.output, encode_picture(picture, arguments.output))
     facts = _layer_facts(arguments, sheet, match)
     if arguments.json:
         print(json.dumps(facts))
@@ -147,9 +147,9 @@ def _check_output(arguments: argparse.Namespace) -> None:
         UsageError: the picture format is unknown, two outputs go to stdout, or an input file would be overwritten.
         OutputError: the picture cannot be written.
     """
-    from printer_slicer.drawing import check_picture
+    from printer_slicer.drawing import check_picture_path
 
-    check_picture(arguments.output)
+    check_picture_path(arguments.output)
     if str(arguments.output) == "-":
         if arguments.json:
             raise UsageError("-o - and --json cannot both go to stdout", remedy="Write the picture to a file")

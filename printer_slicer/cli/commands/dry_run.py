@@ -75,9 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     faults = read_faults(arguments)
     if arguments.picture:
-        from printer_slicer.drawing.canvas import check_picture
+        from printer_slicer.drawing.canvas import check_picture_path
 
-        check_picture(arguments.picture)
+        check_picture_path(arguments.picture)
     profile = profile_from(arguments, **profile_options(arguments))
     with show_stages(arguments) as report:
         job, known = job_from(arguments, profile, report)
@@ -106,16 +106,16 @@ def run(arguments: argparse.Namespace) -> int:
 def _draw_verdict(verdict: Verdict, job: Job, profile: Profile, path: Path) -> bytes:
     """Draw the print with its faults; return the picture in the format of the path's suffix."""
     from printer_slicer.diagnostics import sentence
-    from printer_slicer.drawing.canvas import picture_bytes
-    from printer_slicer.drawing.dry_run import FaultMark, dry_run_picture
+    from printer_slicer.drawing.canvas import encode_picture
+    from printer_slicer.drawing.dry_run import FaultMark, draw_dry_run
     from printer_slicer.inspection.dry_run.set_points import find_set_points
 
     assert verdict.deposition is not None
     found = [FaultMark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
     set_points = find_set_points(job.commands, profile.printer.flavour)
     title = f"{verdict.job}: {'no problems' if verdict.ok else 'do not print'}"
-    return picture_bytes(
-        dry_run_picture(
+    return encode_picture(
+        draw_dry_run(
             verdict.deposition,
             set_points,
             found,

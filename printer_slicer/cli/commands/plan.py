@@ -166,7 +166,7 @@ def _draw_plan(
 ) -> None:
     """Draw the chosen plan to the file of --picture."""
     from printer_slicer.cli.models import format_model_names
-    from printer_slicer.drawing import draw_plan, picture_bytes
+    from printer_slicer.drawing import draw_plan, encode_picture
     from printer_slicer.surface import find_flats
 
     bounded = certificate.plan.planner not in ("uniform", "area")
@@ -177,7 +177,7 @@ def _draw_plan(
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
     )
-    write_file(arguments.picture, picture_bytes(picture, arguments.picture))
+    write_file(arguments.picture, encode_picture(picture, arguments.picture))
     open_files(arguments, [arguments.picture])
 
 

@@ -325,11 +325,11 @@ def _default_output(model: Path) -> Path:
 
 def _draw_layer(program: Program, number: int, path: Path) -> None:
     """Draw a layer of the print, counted from 1, to a file."""
-    from printer_slicer.drawing import layer_picture, picture_bytes
+    from printer_slicer.drawing import draw_program_layer, encode_picture
 
     if not 1 <= number <= program.plan.n_layers:
         raise UsageError(
             f"--layer {number}: the print has layers 1 to {program.plan.n_layers}",
             remedy="Choose the number of one of these layers",
         )
-    write_file(path, picture_bytes(layer_picture(program, number - 1), path))
+    write_file(path, encode_picture(draw_program_layer(program, number - 1), path))

@@ -16,7 +16,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.marks import Defect, Marks
-from printer_slicer.motion.vectorized import volumetric_flow
+from printer_slicer.motion.vectorized import compute_volumetric_flow
 from printer_slicer.values import Struct
 
 __all__ = [
@@ -327,7 +327,7 @@ class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):
         xy_length = np.hypot(*(end - start)[:, :2].T)
         extrudes = (new_volume > NEGLIGIBLE) & (xy_length > NEGLIGIBLE)
         flow = np.zeros(len(rows))
-        flow[extrudes] = volumetric_flow(new_volume[extrudes], seconds[extrudes])
+        flow[extrudes] = compute_volumetric_flow(new_volume[extrudes], seconds[extrudes])
         return cls(
             command,
             start,

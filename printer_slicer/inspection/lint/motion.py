@@ -18,7 +18,7 @@ from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe_unsupported
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.motion.vectorized import FLOW_WINDOW, volumetric_flow
+from printer_slicer.motion.vectorized import FLOW_WINDOW, compute_volumetric_flow
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
 
@@ -233,7 +233,7 @@ def _check_flow(
     extruding = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
     standing = ~extruding & (volume >= FLOW_WINDOW) & (seconds > 0)
     flow = np.zeros(len(volume))
-    flow[extruding] = volumetric_flow(volume[extruding], seconds[extruding])
+    flow[extruding] = compute_volumetric_flow(volume[extruding], seconds[extruding])
     flow[standing] = volume[standing] / seconds[standing]
     maximum = profile.max_flow
     message = f"flow {{:.3g}} mm³/s, {profile.material.name} allows {maximum:g} mm³/s"
