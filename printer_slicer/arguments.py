@@ -48,8 +48,8 @@ def check_argument(name: str, value: object, kinds: _Kinds) -> None:
 
     Args:
         name: name of the argument.
-        value: its value.
-        kinds: the type, or the types; messages name the first.
+        value: value of the argument.
+        kinds: one or several accepted types; messages name the first.
 
     Raises:
         UsageError: the value has none of these types.

@@ -21,8 +21,8 @@ __all__ = [
     "per_layer",
     "polyline_lengths",
     "previous_in_ring",
+    "reorder_points",
     "run_starts",
-    "scatter",
     "unique_inverse",
 ]
 
@@ -43,7 +43,7 @@ def frozen_array(values: ArrayLike, dtype: type, shape: tuple[int, ...]) -> NDAr
     """
     array: NDArray = np.ascontiguousarray(values, dtype=dtype)  # type: ignore[type-arg]
     have = array.shape
-    # Called thousands of times per part, so the common case, equal but for the length, is tested first.
+    # Called thousands of times per part, so the common case is tested first: a shape that differs only in the length.
     if (have[1:] != shape[1:] or have[:1] != shape[:1] != (-1,)) and not _shape_fits(have, shape):
         raise ValueError(f"expected shape {shape}, got {have}")
     view = array.view()
@@ -71,7 +71,7 @@ def per_layer(value: float | Float, n_layers: int) -> Float:
 
 
 def consecutive(first: Int, count: Int) -> Int:
-    """Return the concatenated ranges `first[i], first[i] + 1, ...` of `count[i]` numbers each."""
+    """Return ranges one after the other: `count[i]` numbers `first[i], first[i] + 1, ...` for each i."""
     result: Int = np.repeat(first - (np.cumsum(count) - count), count)
     result += np.arange(len(result))
     return result
@@ -82,7 +82,7 @@ def next_in_ring(start: Int, closed: bool | Bool = True) -> Int:
 
     Args:
         start: (R + 1,) ring `i` has the items `start[i]:start[i + 1]`; it may be empty.
-        closed: (R,) whether each is a ring, or one value for all. The last item of an open one is followed by itself.
+        closed: (R,) whether each is closed, or one value for all. The last item of an open line is followed by itself.
     """
     first, last = start[:-1], start[1:] - 1
     some = last >= first
@@ -173,8 +173,8 @@ def compact_ids(items: Int, n_items: int) -> tuple[Int, Int]:
     return np.flatnonzero(used), number[items]
 
 
-def scatter(xy: Float, place: Int) -> Float:
-    """Return the points (n, 2) reordered: point `i` moves to index `place[i]`, a permutation.
+def reorder_points(xy: Float, place: Int) -> Float:
+    """Return the points (n, 2) in another order: point `i` moves to index `place[i]`; `place` is a permutation.
 
     Each point is moved as one complex number, which takes a sixth of the time of two columns.
     """

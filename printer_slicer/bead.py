@@ -1,7 +1,7 @@
 """Cross-section of an extruded bead: a rectangle with half-circles at its sides.
 
-Width `w` and height `h` in mm. The cross-section is (w - h)·h + π·(h/2)², which equals spacing·h when neighbouring
-beads lie `w - h·(1 - π/4)` apart: then they touch without a gap and without overlap in volume.
+Width `w` and height `h` in mm. The cross-section is (w - h)·h + π·(h/2)². The spacing of neighbouring beads is
+w - h·(1 - π/4). Then the cross-section equals spacing·h, so the beads fill their layer without gaps or surplus volume.
 Source: the rounded-rectangle model that PrusaSlicer's "flow math" page documents; derived anew here.
 """
 
@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "compute_side_extension",
     "cross_section",
     "filament_per_mm",
     "layer_widths",
-    "side_loss",
     "spacing",
     "width_for_section",
     "width_for_spacing",
 ]
 
 Float = NDArray[np.float64]
-_ROUNDING = 1 - pi / 4  # share of the height by which the round sides reduce the spacing
+_ROUNDING = 1 - pi / 4  # reduction of the spacing by the round sides, as a fraction of the height
 
 
 def spacing(width: Float | float, height: Float | float) -> Float:
@@ -36,13 +36,13 @@ def width_for_spacing(spacing: Float | float, height: Float | float) -> Float:
     return np.asarray(spacing + np.asarray(height) * _ROUNDING, dtype=np.float64)
 
 
-def side_loss(height: Float | float) -> Float:
-    """Return how far a bead extends on each side beyond a rectangle of its height and cross-section, mm."""
+def compute_side_extension(height: Float | float) -> Float:
+    """Return how far each side of a bead extends beyond a rectangle of the same height and cross-section, mm."""
     return np.asarray(np.asarray(height) * _ROUNDING / 2, dtype=np.float64)
 
 
 def cross_section(width: Float | float, height: Float | float) -> Float:
-    """Return the cross-section of a bead, mm²; width >= height is required, and ensured by the profile."""
+    """Return the cross-section of a bead, mm²; the width must not be less than the height."""
     return spacing(width, height) * height
 
 

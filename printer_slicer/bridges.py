@@ -24,20 +24,19 @@ from printer_slicer.geometry import (
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.values import Struct, replace
 
-__all__ = ["Bridges", "bridge_angles", "find_bridges", "find_internal_bridges"]
+__all__ = ["Bridges", "find_bridge_angles", "find_bridges", "find_internal_bridges"]
 
 _DIRECTIONS = 12  # 15° apart
 _FINER = (-np.pi / 36, np.pi / 36)  # 5° to either side of the best direction are tried too
 _WORTH = np.array([0.0, 0.5, 1.0])  # value of a line with 0, 1 or 2 supported ends
 _BESIDE = 0.05  # mm; areas this close to a bridge support it too, such as perimeters around a hollow inside
-_SHORTER = 0.02  # share of supported lines that is worth as much as halving their length
-_POSITIVE = 0.5  # added so that supported lines never count less than none
-# Least improvement for another direction: 7 % shorter lines, twice as much for directions tried later.
+_SHORTER = 0.02  # fraction of supported lines that is worth as much as lines of half the length
+_POSITIVE = 0.5  # added to the score, so that supported lines never count less than unsupported ones
+# Minimum improvement for another direction: 7 % shorter lines, twice as much for directions tried later.
 _BETTER, _FINELY_BETTER = 0.002, 0.004
 _NEAR = 1e-3  # mm; ends this close to a support count as supported; engines round to 0.01 µm
-_NARROW = (
-    4  # threads: rows of another direction than that of its sides would leave a narrower strip half empty
-)
+# Extrusion widths. A narrower strip is filled along its sides: lines across it would leave it half empty.
+_NARROW = 4
 
 
 class Bridges(Struct, frozen=True, eq=False):
@@ -56,12 +55,12 @@ class Bridges(Struct, frozen=True, eq=False):
     loose: Areas
 
     def place_on_layers(self) -> tuple[Areas, Float]:
-        """Return the bridges as areas on the layers of the stack, and the direction (R,) of each ring, radians."""
+        """Return the bridges as areas on their layers, and for each ring (R,) the direction of its bridge, radians."""
         own, entry = np.arange(self.areas.n_rings), self.areas.ring_layer
         return self.areas.restacked(own, self.layer[entry], self.loose.n_layers), self.angle[entry]
 
-    def bridged_areas(self) -> Areas:
-        """Return bridges and loose areas together, on the layers of the stack."""
+    def unite_areas(self) -> Areas:
+        """Return the union of bridges and loose areas, on the layers of the stack."""
         return self.place_on_layers()[0].merge(self.loose)
 
     def add_scraps(self, scraps: ConnectedAreas, near: Float) -> Bridges:
@@ -96,7 +95,7 @@ def find_bridges(
     """
     anchor, usual = reach
     pieces = split_connected(limits)
-    turn, held = bridge_angles(pieces, below, spacing, usual)
+    turn, held = find_bridge_angles(pieces, below, spacing, usual)
     loose = pieces.on_layers(limits.n_layers, np.flatnonzero(~held))
     pieces, turn = pieces.take(np.flatnonzero(held)), turn[held]
     # Add half a line on both sides.
@@ -124,15 +123,15 @@ def find_internal_bridges(solid: Areas, below: Areas, width: float | Float, anch
     return intersection(difference(solid, beside), offset(over, width))
 
 
-def bridge_angles(
+def find_bridge_angles(
     pieces: ConnectedAreas, below: Areas, spacing: Float, usual: float | Float
 ) -> tuple[Float, Bool]:
     """Return the direction (P,) of each bridge's lines, radians, and a mask (P,) of bridges with a supported line.
 
     Directions 15° apart are tried, then 5° to either side of the best one, then the direction of the longest side. The
-    direction with the largest share of length in lines supported at both ends wins; lines supported at one end, as on a
-    balcony, count half. Among nearly equal directions, the one with the shortest longest lines wins; in a narrow strip,
-    that of the side. Bridges without supports get the usual direction.
+    direction with the largest fraction of its length in lines supported at both ends wins; lines supported at one end,
+    as on a balcony, count half. Among nearly equal directions, the one whose longest lines are shortest wins, but in a
+    narrow strip the direction of the longest side. Bridges without supports get the usual direction.
 
     Args:
         pieces: unsupported areas, grown onto their supports.
@@ -146,7 +145,7 @@ def bridge_angles(
     gap = spacing[pieces.layer]
     score = partial(_score_directions, pieces.areas, support, gap)
     best, record = np.broadcast_to(usual, spacing.shape)[pieces.layer], np.zeros(pieces.count)
-    # The first of nearly equal directions wins, so those along the axes of the bed come first.
+    # The first of nearly equal directions wins, so directions along the axes of the bed come first.
     whole = sorted(range(_DIRECTIONS), key=lambda turn: (turn % 6 != 0, turn % 3 != 0))
     tried = [(np.full(pieces.count, turn * np.pi / _DIRECTIONS), _BETTER) for turn in whole]
     best, record = _choose_better_directions(score, (best, record), tried)

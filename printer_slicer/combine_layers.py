@@ -11,14 +11,14 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, window_intersection
 from printer_slicer.model import LayerPlan
 
-__all__ = ["area_savings", "choose_groups", "last_layers", "tallest_groups"]
+__all__ = ["choose_groups", "compute_area_savings", "find_last_layers", "find_tallest_groups"]
 
 _ROUNDING = 1e-6  # mm
 _CUT = 0.05  # cost of filling the rest of a layer separately, as a fraction of its lines
 
 
-def tallest_groups(plan: LayerPlan, limit: float) -> Int:
-    """Return for each layer the first layer (L,) of the tallest group that may end with it.
+def find_tallest_groups(plan: LayerPlan, limit: float) -> Int:
+    """Return for each layer the first layer (L,) of the tallest group that may end with that layer.
 
     Args:
         plan: the layers; the first one is always a group of its own.
@@ -29,8 +29,8 @@ def tallest_groups(plan: LayerPlan, limit: float) -> Int:
     return np.asarray(np.minimum(np.clip(lowest, 1, np.maximum(own, 1)), own), np.int64)
 
 
-def area_savings(areas: Areas, lowest: Int) -> Float:
-    """Return the infill area (n, L), mm², saved by combining each layer (column) with `extra` (row) layers below it.
+def compute_area_savings(areas: Areas, lowest: Int) -> Float:
+    """Return the infill area (n, L), mm², saved by combining each layer (column) with the n layers (row n) below it.
 
     A group of n layers saves n - 1 times the area that all of them share, less a small cost for the lines that the
     remaining areas cut in two. Groups that start below `lowest` (L,) save nothing.
@@ -46,7 +46,7 @@ def area_savings(areas: Areas, lowest: Int) -> Float:
     return saved
 
 
-def last_layers(groups: Int) -> Int:
+def find_last_layers(groups: Int) -> Int:
     """Return the last layer (L,) of each layer's group; `groups` (L,) holds the first layers."""
     return np.asarray(np.searchsorted(groups, groups, side="right") - 1, np.int64)
 
@@ -60,7 +60,7 @@ def choose_groups(saved: Float) -> Int:
     """Return the first layer (L,) of each layer's group, for the grouping that saves the most in total.
 
     Args:
-        saved: (n, L) saving of the group that ends with a layer (column) and has `row` more layers below it.
+        saved: (n, L) saving of the group that consists of a layer (column) and the n layers (row n) below it.
     """
     most, n = saved.shape
     best, size = [0.0], list[int]()

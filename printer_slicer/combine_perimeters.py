@@ -15,7 +15,12 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array, run_starts, unique_inverse
-from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
+from printer_slicer.combine_layers import (
+    choose_groups,
+    compute_area_savings,
+    find_last_layers,
+    find_tallest_groups,
+)
 from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
@@ -179,7 +184,7 @@ def cut_paths(paths: Toolpaths, chosen_spans: PathSpans) -> Toolpaths:
 
 
 SAME_PLACE = 0.03  # mm; simplified outlines of one surface differ by up to 0.025, a tenth of a width is 0.045
-_PEN = SAME_PLACE  # mm, half the width of a band; lines this far apart share half a band
+_PEN = SAME_PLACE  # mm, half the width of a band; the bands of lines this far apart overlap by half
 _SHORTEST = 20.0  # mm of perimeter; shorter spans cost more in starts and travels than they save
 
 
@@ -204,8 +209,8 @@ class PerimeterBands(Struct, frozen=True, eq=False):
         hidden = self.uncovered.copy_layers(last)
         return difference(window.of_layers(several), hidden.of_layers(several))
 
-    def savings(self, lowest: Int) -> Float:
-        """Return the length (n, L), mm, saved by combining each layer (column) with `extra` (row) layers below it.
+    def compute_savings(self, lowest: Int) -> Float:
+        """Return the length (n, L), mm, saved by combining each layer (column) with the n layers (row n) below it.
 
         `lowest` (L,) is the first layer of the highest group that ends with each layer.
         """
@@ -246,7 +251,9 @@ def find_shared_pieces(bands: PerimeterBands, groups: Int) -> ConnectedAreas:
     Each piece is on the last layer of its group and contains a span of perimeter on every layer of the group.
     """
     own = np.arange(len(groups))
-    shared = _drop_narrow_bands(bands.find_shared(np.where(last_layers(groups) == own, groups, own), own))
+    shared = _drop_narrow_bands(
+        bands.find_shared(np.where(find_last_layers(groups) == own, groups, own), own)
+    )
     pieces = split_connected(shared)
     rings = np.bincount(pieces.areas.ring_layer, minlength=pieces.count)
     worth = (rings > 1) | (pieces.areas.area() >= 2 * _PEN * _SHORTEST)
@@ -269,9 +276,9 @@ def combine_perimeters(
     """Combine perimeters of several layers into one extrusion where they are in the same place.
 
     Layers are combined in groups up to `quality.perimeters_every` high, the same groups as for internal infill.
-    Perimeters in one place on all layers of a group are printed on its last layer, with the same volume; the others on
-    their own layers. Not combined are external perimeters, the first layer, unsupported and uncovered perimeters, and
-    those on which bridges end within a group.
+    Perimeters in one place on all layers of a group are printed on its last layer, with the same volume. All others are
+    printed on their own layers: external perimeters, the first layer, unsupported and uncovered perimeters, and
+    perimeters on which bridges end within a group.
 
     Args:
         paths: the perimeters, with their supports.
@@ -283,7 +290,7 @@ def combine_perimeters(
         The paths, and the first layer (L,) of the group of each layer; None if nothing is combined.
     """
     plan, limit = paths.plan, min(profile.quality.perimeters_every, profile.highest_bead)
-    lowest = tallest_groups(plan, limit)
+    lowest = find_tallest_groups(plan, limit)
     inner = paths.role == Role.PERIMETER
     if (lowest == np.arange(plan.n_layers)).all() or not inner.any():
         return paths, None
@@ -307,11 +314,11 @@ def _choose_perimeter_groups(
 ) -> Int:
     """Return the first layer (L,) of each layer's group, for the groups that save the most extrusion."""
     quality = profile.quality
-    of_infill = area_savings(
-        infill, tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
+    of_infill = compute_area_savings(
+        infill, find_tallest_groups(plan, min(quality.internal_infill_every, profile.highest_bead))
     )
     of_infill *= quality.infill_density / profile.extrusion_width
-    saved = bands.savings(lowest)
+    saved = bands.compute_savings(lowest)
     several = np.zeros((max(len(saved), len(of_infill)), plan.n_layers))
     several[: len(saved)] += saved
     several[: len(of_infill)] += of_infill
@@ -320,7 +327,7 @@ def _choose_perimeter_groups(
 
 def _find_combinable_spans(paths: Toolpaths, pieces: ConnectedAreas, groups: Int) -> tuple[PathSpans, Int]:
     """Return the spans of paths to combine, and the piece (S,) that contains each span."""
-    last = last_layers(groups)
+    last = find_last_layers(groups)
     area = pieces.on_layers(len(groups), np.arange(pieces.count))
     spans = find_spans_within(paths, area.copy_layers(last), _SLIVER)
     made = cut_paths(paths, spans)
@@ -359,7 +366,7 @@ def _mark_uniform_pieces(made: Toolpaths, piece: Int, count: int, groups: Int) -
     np.maximum.at(most[3], owner, on_layer)
     first = np.zeros(count, np.int64)
     first[piece] = groups[made.layer]
-    last = last_layers(groups)[first]
+    last = find_last_layers(groups)[first]
     everywhere = np.bincount(owner, minlength=count) == last - first + 1
     thick = plan.top[last] - plan.bottom[first]
     even = (most[:3] - least[:3] <= SAME_PLACE).all(axis=0)
@@ -371,7 +378,7 @@ def _merge_spans(made: Toolpaths, piece: Int, groups: Int) -> Toolpaths:
     """Keep only the spans on the last layer of each piece (M,), with the volume of all layers."""
     plan = made.plan
     laid = np.bincount(piece, made.area() * made.height)
-    kept = np.flatnonzero(made.layer == last_layers(groups)[made.layer])
+    kept = np.flatnonzero(made.layer == find_last_layers(groups)[made.layer])
     made, piece = made.take(kept), piece[kept]
     size = np.diff(made.start)
     height = np.round(plan.top[made.layer] - plan.bottom[groups[made.layer]], 7)

@@ -238,7 +238,7 @@ def read_text(path: Path) -> bytes:
         raise UsageError(f"{path}: is a folder, not a file", remedy="Give the path of a file in it") from None
     except TimeoutError as error:
         raise UsageError(
-            f"{path}: {error.strerror}", remedy="Start the program that writes to it first"
+            f"{path}: {error.strerror}", remedy="Start the program that writes to the pipe first"
         ) from None
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EFBIG:

@@ -27,7 +27,8 @@ __all__ = ["compensate"]
 def compensate(sections: Sections, profile: Profile) -> Sections:
     """Offset outlines by `quality.xy_compensation`, `hole_compensation` and `elephant_foot`.
 
-    The elephant-foot inset skips places narrower than the inset plus one extrusion: they need the contact with the bed.
+    Places narrower than the elephant-foot inset plus one extrusion get no inset, because they need their contact with
+    the bed.
     """
     quality, plan = profile.quality, sections.plan
     solid = sections.solid

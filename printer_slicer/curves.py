@@ -2,8 +2,8 @@
 
 Ranges of moves grow by joining neighbours, in the whole stack at once, as long as no point and no move deviates from
 the arc or line by more than the tolerance. An arc passes through both ends of its range, so only one number is fitted,
-by least squares. The points of an arc are those of the chords that the firmware makes of it, so that timing, drawing
-and measuring see what the machine does.
+by least squares. The points of an arc are the ends of the chords into which the firmware splits it, so that timing,
+drawing and measuring see what the machine does.
 
 Source: for a circle through two points, P. D. Thomas and Y. T. Chan 1989, "A simple approach for the estimation of
 circular arc center and its radius"; chords as in `motion.arcs`.
@@ -48,8 +48,8 @@ class PathLines(Struct, frozen=True, eq=False):
     apart: Bool
 
     @classmethod
-    def of(cls, paths: Toolpaths) -> PathLines:
-        """Convert paths to moves, path by path; loops end with the move to their first point."""
+    def from_paths(cls, paths: Toolpaths) -> PathLines:
+        """Return the straight moves of paths, path by path; a loop ends with the move to its first point."""
         begin, end = paths.ends_of_beads
         owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
         way = paths.xy[end] - paths.xy[begin]
@@ -110,17 +110,17 @@ def fit_arcs(paths: Toolpaths, profile: Profile) -> Toolpaths:
     tolerance = profile.quality.arc_tolerance
     if not tolerance or not paths.n_paths:
         return paths
-    line = PathLines.of(paths)
+    line = PathLines.from_paths(paths)
 
     def fits(first: Int, stop: Int) -> Bool:
-        return _lie_on_circle(line, first, stop, tolerance)
+        return _mark_ranges_on_circle(line, first, stop, tolerance)
 
     first, stop = fit_ranges(line, fits)
     arc = np.flatnonzero(stop - first >= _LEAST)
     return _insert_arcs(paths, line, first[arc], stop[arc]) if len(arc) else paths
 
 
-def _lie_on_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
+def _mark_ranges_on_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
     """Return a mask (T,) of ranges whose moves lie on a circle within the tolerance."""
     centre, radius = _fit_circles(line, first, stop)
     size = stop - first
@@ -129,7 +129,7 @@ def _lie_on_circle(line: PathLines, first: Int, stop: Int, tolerance: float) -> 
     out = begin - centre[owner]
     off = np.abs(np.hypot(*out.T) - radius[owner])
     length = np.hypot(*way.T)
-    # The circle is farther out in the middle of a move.
+    # Between the ends of a move, the circle lies farther out than the move.
     off = np.maximum(off, np.abs(np.hypot(*(out + way / 2).T) - radius[owner]))
     half = np.minimum(length / 2, radius[owner])
     side = out[:, 0] * way[:, 1] - out[:, 1] * way[:, 0]
@@ -174,7 +174,7 @@ def _insert_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> To
     sweep = np.where(side > 0, sweep, sweep - 2 * np.pi)
     chord = np.clip(radius * 2 * np.pi / CHORDS_PER_TURN, SHORTEST_CHORD, LONGEST_CHORD)
     pieces = np.maximum(np.ceil(radius * np.abs(sweep) / chord - 1e-9).astype(np.int64), 1)
-    # Each point stays one point, or becomes the ends of the chords if an arc begins there.
+    # A point at which an arc begins becomes the ends of its chords; every other point stays one point.
     count = np.ones(len(paths.xy), np.int64)
     inner = consecutive(first + 1, stop - first - 1)
     count[line.begin[inner]] = 0
@@ -197,14 +197,14 @@ def _insert_arcs(paths: Toolpaths, line: PathLines, first: Int, stop: Int) -> To
 
 def merge_moves(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     """Merge moves of the chosen paths (M,) where the path changes by at most `tolerance` mm."""
-    line = PathLines.of(paths)
+    line = PathLines.from_paths(paths)
     owner = np.searchsorted(paths.start, line.begin, side="right") - 1
     arc = np.isfinite(paths.centre[line.begin, 0])
     # Chords of an arc, and moves after them, are not joined with the previous move.
     line = replace(line, apart=line.apart | ~chosen[owner] | arc | np.append(False, arc[:-1]))
 
     def fits(first: Int, stop: Int) -> Bool:
-        return _lie_on_line(line, first, stop, tolerance)
+        return _mark_ranges_on_line(line, first, stop, tolerance)
 
     first, stop = fit_ranges(line, fits)
     kept = np.ones(len(paths.xy), np.bool_)
@@ -214,8 +214,8 @@ def merge_moves(paths: Toolpaths, chosen: Bool, tolerance: float) -> Toolpaths:
     )
 
 
-def _lie_on_line(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
-    """Return a mask (T,) of ranges whose points lie near the line from start to end, in ascending order."""
+def _mark_ranges_on_line(line: PathLines, first: Int, stop: Int, tolerance: float) -> Bool:
+    """Return a mask (T,) of ranges whose moves lie near the line from start to end of the range, and go forward."""
     size = stop - first
     begin, last = line.xy[first], line.xy[stop - 1] + line.way[stop - 1]
     chord = last - begin

@@ -143,7 +143,7 @@ class RenamedMembers(EnumMeta):
         """Return a member by its current or former name."""
         return super().__getitem__(cls._resolve(name))
 
-    if not TYPE_CHECKING:  # else every name would seem to exist
+    if not TYPE_CHECKING:  # otherwise type checkers would accept every name
 
         def __getattr__(cls, name: str) -> Any:
             """Return a member by its former name."""

@@ -78,22 +78,22 @@ def measure_deviation(mesh: Mesh, sections: Sections, n_points: int = 20_000, se
             f"{mesh.name}: no layer contains any material",
             remedy="The part may be thinner than one layer. Check its size and units",
         )
-    points = _random_points(mesh, n_points, np.random.default_rng(seed))
-    return Deviation(points, _distance_to_stack(points, sections))
+    points = _choose_random_points(mesh, n_points, np.random.default_rng(seed))
+    return Deviation(points, _measure_distance_to_stack(points, sections))
 
 
-def _random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
+def _choose_random_points(mesh: Mesh, count: int, rng: np.random.Generator) -> Float:
     """Return (count, 3) random points, distributed evenly by area."""
     a, b, c = mesh.triangles.transpose(1, 0, 2)
     cumulative_area = np.cumsum(np.linalg.norm(np.cross(b - a, c - a), axis=1))
     # A facet without area adds nothing to the sum and is never chosen.
     facet = np.searchsorted(cumulative_area[:-1], rng.random(count) * cumulative_area[-1], side="right")
-    # The square root distributes points evenly over a triangle, which is narrower towards its first corner.
+    # A triangle is narrower towards its first corner; the square root makes up for that, so points are evenly spread.
     outward, across = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
     return np.asarray((1 - outward) * a[facet] + outward * ((1 - across) * b[facet] + across * c[facet]))
 
 
-def _distance_to_stack(points: Float, sections: Sections) -> Float:
+def _measure_distance_to_stack(points: Float, sections: Sections) -> Float:
     """Return the distance of each point (n,) from the boundary of the stack, mm.
 
     The walls of the point's own layer are searched first, then the layers above and below.
@@ -113,10 +113,11 @@ def _distance_to_stack(points: Float, sections: Sections) -> Float:
 def _search_layers(
     outlines: OutlineIndex, planes: Float, start: tuple[Float, Float, Int, Bool], best: Float, step: int
 ) -> None:
-    """Search the layers above (step 1) or below (step -1) each point for shorter distances, and lower `best` to these.
+    """Search the layers above (step 1) or below (step -1) each point, and lower `best` to any shorter distance found.
 
     If the xy of a point is in exactly one of two neighbouring sections, the point is above or below a horizontal face,
-    and nothing beyond it is nearer. The rim of such a face belongs to a wall, so for other points the walls are enough.
+    and nothing beyond that face is nearer. The rim of such a face belongs to a wall, so for other points the walls are
+    enough.
     """
     xy, z, layer, inside = start
     active = np.arange(len(xy))

@@ -20,14 +20,14 @@ __all__ = [
     "Severity",
     "as_json",
     "check_allowed_codes",
-    "first_of",
+    "format_first_error",
+    "format_remedies",
     "raise_on_errors",
-    "remedy_of",
     "sentence",
 ]
 
 Severity = Literal["error", "warning"]
-"""An error blocks the job, or means that the part will come out wrong. A warning does neither."""
+"""An error blocks the job, or means that the part will not print correctly. A warning has no such effect."""
 
 
 class Code(NamedTuple):
@@ -206,16 +206,16 @@ class Diagnostic(Struct, frozen=True):
         message: what is wrong, with numbers.
         reason: why it matters, if the message does not say so.
         remedy: what to do; empty uses the remedy of the table.
-        line: of the text, counted from 1; 0 if not known.
-        layer: counted from 1; the worst one of several; 0 before the first.
-        first, last: range of layers that have it; 0 if `layer` is the only one.
+        line: line of the G-code text, counted from 1; 0 if not known.
+        layer: number of the layer, counted from 1; of several layers, the worst; 0 before the first layer.
+        first, last: numbers of the first and the last affected layer; 0 if `layer` is the only one.
         z: mm; None if unknown.
         place: x and y, mm; None if unknown.
         amount: measured value, in the unit of the limit; None if nothing is measured.
-        limit: the limit that is exceeded; None without one.
+        limit: the limit that is exceeded; None if there is no limit.
         times: number of occurrences; number of layers for codes that a dry run reports once per layer.
-        index: of the command in the job, from 0; -1 without a command.
-        command: its text.
+        index: index of the command in the job, from 0; -1 if no command is concerned.
+        command: text of this command.
     """
 
     code: str
@@ -241,11 +241,11 @@ class Diagnostic(Struct, frozen=True):
 
     @property
     def is_error(self) -> bool:
-        """Whether its severity is error."""
+        """Whether the severity is "error"."""
         return self.severity == "error"
 
     @property
-    def in_layers(self) -> range:
+    def affected_layers(self) -> range:
         """Indices, from 0, of the affected layers."""
         return range((self.first or self.layer) - 1, self.last or self.layer)
 
@@ -292,9 +292,10 @@ def _describe_count(diagnostic: Diagnostic) -> str:
 
 
 def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return all fields, and those of version 0.1: name, kind, what, text, why, refused, harmless, x, y.
+    """Return all fields for JSON, including the fields of version 0.1.
 
-    Layers are counted from 1; outside the layers, `layer` is None.
+    The fields of version 0.1 are name, kind, what, text, why, refused, harmless, x and y. Layers are counted from 1;
+    outside the layers, `layer` is None.
     """
     x, y = diagnostic.place or (None, None)
     return as_dict(diagnostic) | {
@@ -311,8 +312,8 @@ def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
     }
 
 
-def first_of(errors: Sequence[str]) -> str:
-    """Return the first of some errors, with the number of the others; a message has no room for all of them."""
+def format_first_error(errors: Sequence[str]) -> str:
+    """Return the first error with the number of further errors, because a message cannot hold all errors."""
     more = len(errors) - 1
     return errors[0] + (f" (and {more} more error{'s' if more > 1 else ''})" if more else "")
 
@@ -331,8 +332,8 @@ def check_allowed_codes(allowed: Iterable[str]) -> frozenset[str]:
     return names
 
 
-def remedy_of(found: Iterable[Diagnostic]) -> str:
-    """Return the remedies for the errors, and the call that allows them."""
+def format_remedies(found: Iterable[Diagnostic]) -> str:
+    """Return the remedies for the errors, followed by the call that allows the errors."""
     codes = tuple(dict.fromkeys(diagnostic.code for diagnostic in found if diagnostic.is_error))
     by_remedy: dict[str, list[str]] = {}
     for code in codes:
@@ -361,13 +362,14 @@ def raise_on_errors(
         refusal: what happens to the job, for the message.
 
     Raises:
-        PolicyError: the job has such errors; the message has the first and their number, and says how to allow them.
+        PolicyError: the job has such errors; the message gives the first error and the number of errors, and says how
+            to allow them.
     """
     wrong = [diagnostic for diagnostic in found if diagnostic.is_error and diagnostic.code not in allowed]
     if not wrong:
         return
     raise PolicyError(
-        f"{name}: {refusal}: {first_of(list(map(sentence, wrong)))}",
-        remedy=remedy_of(wrong),
+        f"{name}: {refusal}: {format_first_error(list(map(sentence, wrong)))}",
+        remedy=format_remedies(wrong),
         names=tuple(dict.fromkeys(diagnostic.code for diagnostic in wrong)),
     )

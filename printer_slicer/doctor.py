@@ -69,7 +69,7 @@ class PortState(Struct, frozen=True):
         group: group that owns the device; empty if unknown.
         in_group: whether the current user is in this group.
         latency_timer: time that the USB chip waits for more bytes, ms; None if it has no such timer.
-        holders: id and name of each other process that has the device open, as far as processes are visible.
+        holders: id and name of each other visible process that has the device open.
     """
 
     address: str
@@ -82,8 +82,8 @@ class PortState(Struct, frozen=True):
     latency_timer: int | None
     holders: tuple[tuple[int, str], ...]
 
-    def checks(self) -> Iterator[PortCheck]:
-        """Yield the results of all checks of the port."""
+    def run_checks(self) -> Iterator[PortCheck]:
+        """Check the port, and yield the result of each check."""
         if not self.exists:
             yield PortCheck(
                 "port",
@@ -234,7 +234,7 @@ class PrinterDiagnosis(Struct, frozen=True):
         lines_per_second: line rate with two lines in flight; None if too few lines were acknowledged.
         wire: line rate that the baud rate allows, lines/s.
         link: statistics of the whole conversation.
-        halted: reason for which the conversation ended early; empty if it did not.
+        halted: reason why the conversation ended early; empty if it did not.
     """
 
     firmware: str
@@ -248,8 +248,8 @@ class PrinterDiagnosis(Struct, frozen=True):
     link: LinkStatistics
     halted: str
 
-    def checks(self) -> Iterator[PortCheck]:
-        """Yield the results of all checks of the printer."""
+    def run_checks(self) -> Iterator[PortCheck]:
+        """Check the reports and response times of the printer, and yield the result of each check."""
         if self.halted:
             remedy = "Check the port, the baud rate (--baud), the cable, and whether the printer is on"
             yield PortCheck("printer", "bad", self.halted, remedy)
@@ -295,7 +295,7 @@ class PrinterDiagnosis(Struct, frozen=True):
                 "line rate",
                 "warn",
                 "too few lines were acknowledged to measure the line rate",
-                "Run doctor again",
+                "Run `printer-slicer doctor` again",
             )
             return
         over = self.answer - (1 / self.wire)

@@ -11,7 +11,7 @@ from printer_slicer.model import Labels, Mesh, Program
 from printer_slicer.profile import Profile
 from printer_slicer.strategies import BUILT_IN, Strategies, run_line_functions
 from printer_slicer.surface import Certificate, certificate_comments
-from printer_slicer.thumbnails import thumbnail_lines
+from printer_slicer.thumbnails import render_thumbnail_lines
 
 __all__ = ["gcode_of"]
 
@@ -45,7 +45,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
     facts = strategies.facts()
     if certificate is not None:
         facts += certificate_comments(certificate)
-    pictures = thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
+    pictures = render_thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []
     seconds = move_seconds(program, profile)
     text = write_gcode(
         program,

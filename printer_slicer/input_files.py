@@ -37,7 +37,7 @@ def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedRe
     opening.start()
     opening.join(writer_seconds)
     if opening.is_alive():
-        os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # open it for writing, so that the thread ends
+        os.close(os.open(path, os.O_RDWR | os.O_NONBLOCK))  # a writer ends the wait of the thread
         opening.join()
         opened[0].close()
         raise TimeoutError(errno.ETIMEDOUT, "no program writes to this named pipe", str(path))

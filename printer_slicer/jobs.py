@@ -42,10 +42,10 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
         marks: index of the first command of each layer -> layer number from 1, from layer comments.
         roles: index of a command -> name of the role that starts there, from comments.
         repairs: repairs of the mesh, if the job was sliced by this package.
-        findings: diagnostics: errors, warnings and notes.
+        findings: diagnostics, such as errors and warnings.
         allowed: names of the findings that the user has allowed, see `diagnostics.NAMES`.
         profile: the profile with which the job was sliced or read; None if there was none.
-        notes: for each setting of another slicer that was given to `slice`, what it became.
+        notes: for each setting that was given to `slice` under another slicer's name: the setting that it became here.
     """
 
     name: str

@@ -2,7 +2,7 @@
 
 Most objects stand apart, so only one bounding box contains an extrusion. Where several do, as for a ring around a
 cube, the section of each object at this height is tested (winding number). Objects that overlap are printed as one
-solid; its extrusions belong to the first of them.
+solid; the extrusions of such a solid belong to its first object.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _find_objects(place: Float, z: Float, items: Sequence[PlateObject], part: Me
     at = np.column_stack([place, z])
     beyond = np.maximum(np.maximum(low[None] - at[:, None], at[:, None] - high[None]), 0).max(axis=2)
     volume = np.prod(high - low, axis=1)
-    # The nearest bounding box; the smallest of several that contain the point.
+    # Choose the nearest bounding box; if several boxes contain the point, choose the smallest.
     found = np.lexsort((np.broadcast_to(volume, beyond.shape), np.maximum(beyond - _TOLERANCE, 0)), axis=1)[
         :, 0
     ]
@@ -96,7 +96,10 @@ def _contains_points(place: Float, z: float, item: PlateObject, part: Mesh) -> B
 
 
 def _cut_edges(facets: Float, z: float, *, rising: bool) -> Float:
-    """Return where the plane at `z` cuts the rising, or else the falling, edge of each facet: (n, 2), mm."""
+    """Return the point (n, 2), mm, at which the plane at `z` cuts one edge of each facet.
+
+    With `rising` this is the edge that crosses the plane upward, otherwise the edge that crosses it downward.
+    """
     after = np.roll(facets, -1, axis=1)
     low, high = (facets, after) if rising else (after, facets)
     edge = ((low[:, :, 2] <= z) & (high[:, :, 2] > z)).argmax(axis=1)

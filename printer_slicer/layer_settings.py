@@ -15,7 +15,7 @@ from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.object_profiles import list_height_overrides
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["LayerSettings", "settings_by_layer"]
+__all__ = ["LayerSettings", "resolve_layer_settings"]
 
 
 class LayerSettings(Struct, frozen=True, eq=False):
@@ -33,7 +33,7 @@ class LayerSettings(Struct, frozen=True, eq=False):
         force_setattr(self, "of_layer", frozen_array(self.of_layer, np.int64, (-1,)))
 
     def values(self, read: Callable[[Profile], float]) -> Float:
-        """Return (L,) the value of a setting on each layer; booleans become 0 and 1."""
+        """Return the value (L,) of a setting on each layer; booleans become 0 and 1."""
         return np.array([read(profile) for profile in self.profiles], np.float64)[self.of_layer]
 
     def each(self) -> Iterator[tuple[Profile, Bool]]:
@@ -44,12 +44,12 @@ class LayerSettings(Struct, frozen=True, eq=False):
                 yield profile, mask
 
     def run_starts(self) -> Int:
-        """Return (L,) for each layer, the first layer of its run of layers with equal settings."""
+        """Return for each layer the first layer (L,) of its run of consecutive layers with equal settings."""
         begins = np.append(True, np.diff(self.of_layer) != 0)
         return np.maximum.accumulate(np.where(begins, np.arange(len(begins)), 0))
 
 
-def settings_by_layer(profile: Profile, plan: LayerPlan) -> LayerSettings:
+def resolve_layer_settings(profile: Profile, plan: LayerPlan) -> LayerSettings:
     """Apply the overrides for height ranges to each layer; overrides for objects are ignored."""
     heights = list_height_overrides(profile)
     if not heights:

@@ -17,7 +17,7 @@ from printer_slicer.curves import merge_moves
 from printer_slicer.extrusion import extrude
 from printer_slicer.extrusion.move_rows import list_moves
 from printer_slicer.extrusion.timing import move_seconds
-from printer_slicer.link_model import lateness
+from printer_slicer.link_model import compute_lateness
 from printer_slicer.model import Program, Sections, Toolpaths, Travels
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -42,7 +42,7 @@ class LinkReport(Struct, frozen=True):
         merged: number of lines saved by merging moves.
         slowed: number of moves that were slowed down.
         seconds: increase of the print time, s.
-        waits: numbers, from 1, of the layers where it still waits, because no move there can be slowed down more.
+        waits: numbers, from 1, of the layers where the machine still waits, because no move can be slowed down more.
     """
 
     lines_per_second: float
@@ -63,11 +63,11 @@ def find_underruns(program: Program, profile: Profile) -> Bool:
 def _find_underrun_moves(program: Program, profile: Profile, lines: Float) -> Bool:
     """Return the mask (K,) of `find_underruns`, given the number of lines (K,) of each move."""
     rate, seconds = profile.printer.link_lines_per_second, move_seconds(program, profile)
-    late = lateness(np.cumsum(seconds) - seconds, lines / rate)
+    late = compute_lateness(np.cumsum(seconds) - seconds, lines / rate)
     short = late > max(_BUFFER_RATIO * profile.printer.firmware.planner_blocks, 1) / rate
     if not short.any():
         return short
-    # Each underrun starts where the lines were last in time.
+    # Each underrun starts after the last line that arrived in time.
     begins = np.flatnonzero(late == 0)
     since = begins[np.searchsorted(begins, np.flatnonzero(short), side="right") - 1]
     change = np.zeros(program.n_moves + 1, np.int64)
@@ -135,21 +135,21 @@ def _slow_down(program: Program, before: Program, busy: Bool, profile: Profile) 
     seconds = (float(move_seconds(one, profile).sum()) for one in (program, before))
     return program, LinkReport(
         rate,
-        _layer_numbers(before, busy),
+        _find_layer_numbers(before, busy),
         before.n_moves - program.n_moves,
         int((program.speed < first.speed).sum()),
         next(seconds) - next(seconds),
-        _layer_numbers(program, find_underruns(program, profile)),
+        _find_layer_numbers(program, find_underruns(program, profile)),
     )
 
 
-def _layer_numbers(program: Program, moves: Bool) -> tuple[int, ...]:
+def _find_layer_numbers(program: Program, moves: Bool) -> tuple[int, ...]:
     """Return the numbers, from 1, of the layers with a move in the mask `moves` (K,)."""
     return tuple((distinct(program.layer[moves]) + 1).tolist())
 
 
 def _count_lines(program: Program, profile: Profile) -> Float:
-    """Return the lines (K,) of each move, with other lines before it; an arc counts at its first chord."""
+    """Return the number of lines (K,) for each move and the other lines before it; an arc counts at its first chord."""
     lines = (~program.on_same_arc).astype(np.float64)
     for event in program.events:
         lines[min(event.index, program.n_moves - 1)] += 1

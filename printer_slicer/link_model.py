@@ -7,13 +7,14 @@
 
 `LinkState` computes this line by line. `send_batch` computes the same times for thousands of lines at once, as long as
 the planner never runs out of moves. In this case the times of the moves do not depend on the lines, and
-`motion.vectorized_lookahead` computes them. The times of the lines depend on the moves and on each other. They start as
-early as possible and are delayed until they no longer change. The result is valid up to the first line that is late.
+`motion.vectorized_lookahead` computes them. The times of the lines depend on the moves and on other lines. Each line is
+first assumed to be as early as possible; then lines are delayed until their times no longer change. The result is valid
+up to the first line that is late.
 After it, a model of the planner executes the moves one by one: `LinkRun` uses `motion.planner_clock`, a dry run uses
 the simulated firmware.
 
-During slicing there are no lines yet. The model of the link is then a number of lines per second, and `lateness`
-returns the delay of the lines relative to the moves.
+During slicing there are no lines yet. The model of the link is then a number of lines per second, and
+`compute_lateness` returns the delay of the lines relative to the moves.
 """
 
 from __future__ import annotations
@@ -41,10 +42,10 @@ __all__ = [
     "LinkState",
     "SerialLink",
     "TimedJob",
-    "block_at",
     "can_batch",
-    "lateness",
-    "line_sizes",
+    "compute_lateness",
+    "compute_line_sizes",
+    "get_block",
     "send_batch",
 ]
 
@@ -53,7 +54,7 @@ HANDSHAKE_LINES: Final = 2
 
 _BITS_PER_BYTE: Final = 10  # bits per byte on the wire
 _OK_BYTES: Final = len("ok\n")
-_MAX_ROUNDS: Final = 24  # maximum number of iterations for the delays of lines by each other
+_MAX_ROUNDS: Final = 24  # maximum number of iterations to compute how lines delay other lines
 _SAME_TIME: Final = 1e-11  # s; times that differ by less count as equal
 _TIME_TOLERANCE: Final = 1e-6  # s; rounding may change the order of times that differ by less
 _BATCH_LINES: Final = (256, 8192)  # maximum lines of a batch: at first, and after successful batches
@@ -96,7 +97,7 @@ class SerialLink(Struct, frozen=True):
         return min(1 / (size * byte), in_flight / round_trip)
 
 
-def lateness(begins: Float, takes: Float) -> Float:
+def compute_lateness(begins: Float, takes: Float) -> Float:
     """Return how late (K,) the lines of each move arrive on a link with a fixed throughput, s.
 
     Args:
@@ -107,11 +108,11 @@ def lateness(begins: Float, takes: Float) -> Float:
         (K,) delay, s; 0 where the lines are in time. No move waits while the planner buffers at least this much motion.
     """
     late = np.zeros(len(begins))
-    late[1:] = np.maximum(_transmission_ends(begins[:-1], takes[1:], -np.inf) - begins[1:], 0.0)
+    late[1:] = np.maximum(_compute_transmission_ends(begins[:-1], takes[1:], -np.inf) - begins[1:], 0.0)
     return late
 
 
-def line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
+def compute_line_sizes(commands: Sequence[bytes], first: int) -> tuple[Int, Int]:
     """Return the size (n,) of each line, and the size (n,) that the host reserves for it, both in bytes.
 
     Args:
@@ -157,12 +158,12 @@ class LinkState(Struct):
 
     @classmethod
     def idle(cls, link: SerialLink, now: float) -> LinkState:
-        """Return the state of a link with no lines in flight at `now`, s."""
+        """Return the state of a link that has no lines in flight at the time `now`, s."""
         return cls(link, now, now, (now,) * link.window_lines, (0,) * (link.window_lines - 1), now)
 
-    def send(self, size: int, room: int) -> float:
-        """Send a line of `size` bytes, for which the host reserves `room`; return the time of its execution, s."""
-        left, awaited = self.link.line_bytes - room, len(self.answered)
+    def send(self, size: int, reserved: int) -> float:
+        """Send a line of `size` bytes (the host reserves `reserved`); return the time at which it is executed, s."""
+        left, awaited = self.link.line_bytes - reserved, len(self.answered)
         for position, earlier_size in enumerate(reversed(self.sizes), start=1):
             left -= earlier_size
             if left < 0:
@@ -211,14 +212,14 @@ class LineBatch(Struct, frozen=True, eq=False):
     """Consecutive lines and their moves.
 
     Attributes:
-        sizes, rooms: (n,) size and reserved size of each line, from `line_sizes`.
-        answers: (n,) bytes of the answer to each line.
+        sizes, reserved_sizes: (n,) size and reserved size of each line, bytes, from `compute_line_sizes`.
+        answers: (n,) size of the answer to each line, bytes.
         moving: (m,) line of each move, ascending.
         blocks: planner blocks of the m moves.
     """
 
     sizes: Int
-    rooms: Int
+    reserved_sizes: Int
     answers: Int
     moving: Int
     blocks: Blocks
@@ -276,7 +277,7 @@ def send_batch(
     number = np.arange(len(lines.sizes))
     following = waiting + np.searchsorted(lines.moving, number)
     last = waiting + np.searchsorted(lines.moving, number, side="right") - 1
-    place_at = np.where(last >= following, _values_at(ends, last - places + 1, -np.inf), -np.inf)
+    place_at = np.where(last >= following, _get_values_at(ends, last - places + 1, -np.inf), -np.inf)
     in_time = ends[np.clip(following - places + 2, 0, len(ends) - 1)]
     times = _compute_line_times(lines, place_at, state)
     begun = np.maximum(times.arrived, np.append(state.executed, times.executed[:-1]))
@@ -287,12 +288,12 @@ def send_batch(
     began = int(np.searchsorted(ends, times.executed[count - 1], side="right"))
     pushed = int(last[count - 1]) + 1
     after = PlannerState(
-        tuple((block_at(blocks, at), float(corners[at])) for at in range(began, pushed)),
-        block_at(blocks, pushed - 1) if pushed else planner.last,
+        tuple((get_block(blocks, at), float(corners[at])) for at in range(began, pushed)),
+        get_block(blocks, pushed - 1) if pushed else planner.last,
         float(squares[began - 1]) if began else planner.square,
         float(ends[began]),
     )
-    link_state = times.state_after(count, lines, state)
+    link_state = times.compute_state_after(count, lines, state)
     return BatchTimes(count, times.executed[:count], link_state, after, ends[:began], seconds[:began], pushed)
 
 
@@ -342,7 +343,7 @@ def _concatenate_blocks(first: Blocks, second: Blocks) -> Blocks:
     )
 
 
-def block_at(blocks: Blocks, index: int) -> Block:
+def get_block(blocks: Blocks, index: int) -> Block:
     """Return the block with this index."""
     x, y, z, e = blocks.unit[:, index].tolist()
     return Block(
@@ -354,7 +355,7 @@ def block_at(blocks: Blocks, index: int) -> Block:
     )
 
 
-def _values_at(values: Float, indices: Int, default: float) -> Float:
+def _get_values_at(values: Float, indices: Int, default: float) -> Float:
     """Return the values at these indices, and `default` at negative indices."""
     return np.asarray(np.where(indices >= 0, values[np.clip(indices, 0, len(values) - 1)], default))
 
@@ -376,7 +377,7 @@ class _LineTimes(NamedTuple):
     answers: Float
     sure: int
 
-    def state_after(self, count: int, lines: LineBatch, before: LinkState) -> LinkState:
+    def compute_state_after(self, count: int, lines: LineBatch, before: LinkState) -> LinkState:
         """Return the state of the link after the first `count` of these lines."""
         sizes = np.concatenate([before.sizes, lines.sizes[:count]])[count:].astype(np.int64)
         return LinkState(
@@ -389,17 +390,17 @@ class _LineTimes(NamedTuple):
         )
 
 
-def _compute_line_times(lines: LineBatch, room_at: Float, state: LinkState) -> _LineTimes:
-    """Return the times of lines; the planner has room for the moves of each line from `room_at` (n,), s, on."""
+def _compute_line_times(lines: LineBatch, queue_free_at: Float, state: LinkState) -> _LineTimes:
+    """Return the times of lines; at `queue_free_at` (n,), s, the planner has free places for the moves of each line."""
     link = state.link
     awaited = _find_awaited_answers(lines, state)
     out, back = (np.asarray(one * link.byte_seconds) for one in (lines.sizes, lines.answers))
-    earliest = np.maximum.accumulate(np.maximum(room_at, state.executed))
+    earliest = np.maximum.accumulate(np.maximum(queue_free_at, state.executed))
     executed, sure = earliest, 0
     for _ in range(_MAX_ROUNDS):
-        free = _transmission_ends(executed, back, state.back)
+        free = _compute_transmission_ends(executed, back, state.back)
         answers = np.concatenate([state.answered, free + link.latency_back])
-        sent = _transmission_ends(answers[awaited], out, state.out)
+        sent = _compute_transmission_ends(answers[awaited], out, state.out)
         arrived = sent + link.latency_out
         later = np.maximum(earliest, np.maximum.accumulate(arrived))
         moved = later > executed + _SAME_TIME
@@ -415,11 +416,11 @@ def _find_awaited_answers(lines: LineBatch, state: LinkState) -> Int:
     number, before = np.arange(len(lines.sizes)), len(state.sizes)
     # Bytes sent before each line, starting with the lines before the batch that may still be in flight.
     total = np.cumsum(np.concatenate([[0], state.sizes, lines.sizes]).astype(np.int64))
-    needed = total[number + before] + lines.rooms - state.link.line_bytes
+    needed = total[number + before] + lines.reserved_sizes - state.link.line_bytes
     return np.asarray(np.clip(np.searchsorted(total, needed), number, number + before))
 
 
-def _transmission_ends(earliest: Float, takes: Float, free: float) -> Float:
+def _compute_transmission_ends(earliest: Float, takes: Float, free: float) -> Float:
     """Return the times (n,) at which consecutive transmissions end, s.
 
     Args:
@@ -435,7 +436,7 @@ class TimedJob(Struct, frozen=True, eq=False):
     """The lines and moves of a job.
 
     Attributes:
-        sizes, rooms: (n,) size and reserved size of each line, from `line_sizes`.
+        sizes, reserved_sizes: (n,) size and reserved size of each line, bytes, from `compute_line_sizes`.
         moving: (m,) line of each move, ascending; an arc is several moves.
         blocks: planner blocks of the m moves.
         stands: duration of a standstill after all earlier moves, s, by the line that causes it.
@@ -443,7 +444,7 @@ class TimedJob(Struct, frozen=True, eq=False):
     """
 
     sizes: Int
-    rooms: Int
+    reserved_sizes: Int
     moving: Int
     blocks: Blocks
     stands: Mapping[int, float]
@@ -500,12 +501,12 @@ class LinkRun:
     def _send_line(self, at: int) -> None:
         """Send the line with the index `at`, and execute its moves."""
         job, state = self.job, self._state
-        now = state.send(int(job.sizes[at]), int(job.rooms[at]))
+        now = state.send(int(job.sizes[at]), int(job.reserved_sizes[at]))
         if at in job.limits:
             self.limits = job.limits[at]
             self.clock.set_limits(self.limits)
         for place in range(self._first_move[at], self._first_move[at + 1]):
-            now = self.clock.push(block_at(job.blocks, place), now, at)
+            now = self.clock.push(get_block(job.blocks, place), now, at)
         if at in job.stands:
             now = self.clock.finish_moves(now) + job.stands[at]
         state.send_answer(_OK_BYTES, now)
@@ -520,7 +521,7 @@ class LinkRun:
         moves = slice(self._first_move[at], self._first_move[end])
         lines = LineBatch(
             job.sizes[own],
-            job.rooms[own],
+            job.reserved_sizes[own],
             np.full(end - at, _OK_BYTES),
             job.moving[moves] - at,
             job.blocks.take_slice(moves),

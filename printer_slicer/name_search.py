@@ -31,7 +31,7 @@ def remove_nozzle(name: str) -> str:
 
 
 def rank_match(typed: Sequence[str], words: Sequence[str]) -> tuple[int, int] | None:
-    """Rank how well a name matches typed words; lower is better, None is no match.
+    """Rank how well a name matches typed words; a lower rank is better, None means no match.
 
     Args:
         typed: words that were typed.

@@ -13,7 +13,7 @@ from printer_slicer.compensation import compensate
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, union
 from printer_slicer.infill import Infill, infill_paths
-from printer_slicer.layer_settings import LayerSettings, settings_by_layer
+from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
@@ -21,7 +21,7 @@ from printer_slicer.profile.object_profiles import list_overridden_objects, prof
 from printer_slicer.slicing import cut
 from printer_slicer.values import replace
 
-__all__ = ["cut_objects", "object_paths", "split_objects", "stack_sections"]
+__all__ = ["cut_objects", "make_object_paths", "split_objects", "stack_sections"]
 
 
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
@@ -175,7 +175,7 @@ def stack_sections(sections: Sequence[Sections]) -> Sections:
     )
 
 
-def object_paths(
+def make_object_paths(
     name: str,
     stages: tuple[Sequence[Sections], Sequence[Walls], Sequence[Regions]],
     profiles: Sequence[Profile],
@@ -202,7 +202,7 @@ def object_paths(
         perimeters, groups = combine_perimeters(
             grade_overhangs(walls.paths, sections), sections, regions, profile
         )
-        of_layer = _find_profile_indices(numbered, settings_by_layer(profile, sections.plan))
+        of_layer = _find_profile_indices(numbered, resolve_layer_settings(profile, sections.plan))
         infill = infill_paths(regions, profile, groups, custom_infill)
         paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]
     if sum(some.n_paths for some in paths) == 0:

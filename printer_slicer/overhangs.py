@@ -26,9 +26,8 @@ from printer_slicer.values import Struct
 
 __all__ = ["grade_overhangs"]
 
-_SUPPORTED = (
-    0.9  # share that counts as fully supported; vertical walls differ by the simplification of contours
-)
+# Fraction of the width that counts as fully supported. It is below 1, because simplified contours of a wall vary a bit.
+_SUPPORTED = 0.9
 _GRADES = (0.02, 0.25, 0.5, 0.75, _SUPPORTED)
 _STEP = 1.0  # extrusion widths between tested positions
 _SHORTEST = 0.5  # extrusion widths; shorter runs of one grade are merged
@@ -193,9 +192,14 @@ def _find_constant_ratios(pieces: _Pieces, indices: Int, middle: Float, layer: I
 
 
 def _measure_depths(under: tuple[Areas, Areas], points: Float, layer: Int, reach: float, last: Int) -> Float:
-    """Return the depth (P,) of points inside areas, limited to +- `reach`, mm; chains of points end at indices `last`.
+    """Return the depth (P,) of points inside the section of the layer below, limited to +- `reach`, mm.
 
-    `under` is the section of the layer below, and the overhanging areas of the layer itself.
+    Args:
+        under: sections of the layers below, and overhanging areas of the layers themselves.
+        points: (P, 2) mm, chains of points at most one step apart.
+        layer: (P,) layer of each point.
+        reach: largest absolute depth that is computed, mm.
+        last: index of the last point of each chain.
     """
     below, air = under
     depth = depths(below, points, layer, reach)

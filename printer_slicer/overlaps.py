@@ -17,9 +17,9 @@ from printer_slicer.model import Mesh
 __all__ = ["Overlap", "find_collisions", "find_overlaps"]
 
 _LEAST: Final = 0.01  # mm: smaller overlaps are rounding errors
-_SHARED: Final = 0.1  # mm: what bodies that are drawn to touch may share
+_SHARED: Final = 0.1  # mm: objects that are modelled to touch may overlap by this much
 _PLANES: Final = 24  # over the height that two objects share
-_TILES: Final = 16  # per side of a window: many small unions are faster than a large one
+_TILES: Final = 16  # per side of a window: many small unions are faster than one large union
 
 
 class Overlap(NamedTuple):
@@ -42,7 +42,7 @@ class Overlap(NamedTuple):
 def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
     """Yield pairs of parts whose projections onto the bed overlap by more than 0.01 mm, sorted by the second part.
 
-    A part in a hole of another does not overlap with it; one over or under another does.
+    A part in a hole of another part does not overlap with it; a part over or under another part does.
     """
     low, high = (np.array([mesh.bounds[side, :2] for mesh in meshes]) for side in (0, 1))
     for second in range(1, len(meshes)):

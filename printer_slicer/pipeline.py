@@ -16,14 +16,14 @@ from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
 from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Walls
-from printer_slicer.objects import cut_objects, object_paths, split_objects, stack_sections
+from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
-from printer_slicer.slicing import section_repairs
+from printer_slicer.slicing import list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
 from printer_slicer.time_budget import choose_plan
@@ -72,7 +72,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     report("planning")
     plan = plan_part(part, profile, strategies) if plan is None else plan
     stages = slice_planned(part, plan, profile, report, strategies)
-    repairs = replace(repairs, done=(*repairs.done, *section_repairs(stages.sections, shift)))
+    repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
     return replace(stages, repairs=repairs, shift=shift)
@@ -95,7 +95,7 @@ def slice_planned(
     report("regions")
     regions = list(map(classify, sections, walls, own))
     report("toolpaths")
-    paths, profiles = object_paths(
+    paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
     )
     report("ordering")

@@ -40,8 +40,8 @@ class Placement(Struct, frozen=True):
         drop: move the part up or down onto z = 0; otherwise use z of the file.
         unit: assumed unit of the file, for advice if the part does not fit; empty: unknown or certain.
         unit_given: whether the user specified the unit.
-        scale: scale factors already applied, as the user wrote them, such as "2", "50%" or "1,1,2"; for the same
-            advice.
+        scale: scale factors already applied, as the user wrote them, such as "2", "50%" or "1,1,2"; also for advice if
+            the part does not fit.
     """
 
     center: tuple[float, float] | None = None
@@ -79,7 +79,7 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
     _check_position(mesh.name, low + by, high + by, printer, placement)
     placed = np.zeros_like(mesh.triangles)
     for block in facet_blocks(mesh.n_facets):
-        # Round to 1 nm, so that the position in the file does not decide ties between points equal but for rounding.
+        # Round to 1 nm: points that differ only by rounding errors become equal, wherever the part is in its file.
         np.add(mesh.triangles[block], by, out=placed[block])
         np.round(placed[block], 6, out=placed[block])
     return Mesh(placed, mesh.name, tuple(item.moved(by) for item in mesh.objects))
@@ -188,7 +188,7 @@ def transform(
     matrix = np.diag(factors)
     for axis, angle in enumerate(angles.tolist()):
         # The first matrix product loads 18 MiB of libraries, so it is skipped where no rotation is needed.
-        matrix = _rotation_matrix(axis, angle) @ matrix if angle % 360.0 else matrix
+        matrix = _make_rotation_matrix(axis, angle) @ matrix if angle % 360.0 else matrix
     if np.array_equal(matrix, np.eye(3)):
         return mesh
     made = np.zeros_like(mesh.triangles)
@@ -221,7 +221,7 @@ def _format_factors(factors: Float) -> str:
     )
 
 
-def _rotation_matrix(axis: int, angle: float) -> Float:
+def _make_rotation_matrix(axis: int, angle: float) -> Float:
     """Return the (3, 3) rotation matrix about an axis, for column vectors; angle in degrees."""
     c, s = _QUARTERS.get(angle % 360.0, (cos(radians(angle)), sin(radians(angle))))
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -282,7 +282,7 @@ def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GA
         )
     columns = np.arange(1, most[0] + 1)
     rows = -(-copies // columns)
-    # The grid whose longer side is shortest, and of those the one with the fewest empty places.
+    # Choose the grid whose longer side is shortest; of several such grids, the one with the fewest empty places.
     sides = np.maximum(columns * pitch[0], rows * pitch[1])
     across = int(columns[np.lexsort((columns * rows, np.where(rows <= most[1], sides, np.inf)))[0]])
     places = [(number % across, number // across) for number in range(copies)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-__all__ = ["macro_temperatures", "match_end_macro", "match_start_macro"]
+__all__ = ["match_end_macro", "match_start_macro", "read_macro_temperatures"]
 
 _STARTS: Final = re.compile(
     r"(?i)(?!EXCLUDE_|TIMELAPSE_|SET_)(?:_?(?:[A-Z0-9]+_)*(?:START|BEGIN)(?:_[A-Z0-9]+)*|START_?PRINT|PRINT_?START)(?=\s|$)"
@@ -22,18 +22,18 @@ _HEATERS: Final = frozenset({"BED", "EXTRUDER", "HOTEND", "NOZZLE"})
 
 
 def match_start_macro(command: str) -> str:
-    """Return the name of the start macro in a command, which homes and heats; empty if there is none."""
+    """Return the name of the macro if a command runs a start macro, which homes and heats; otherwise empty."""
     found = _STARTS.match(command)
     return found[0] if found else ""
 
 
 def match_end_macro(command: str) -> str:
-    """Return the name of the macro in a command that ends a print or cools down; empty if there is none."""
+    """Return the name of the macro if a command runs one that ends a print or cools down; otherwise empty."""
     found = _ENDS.match(command)
     return found[0] if found else ""
 
 
-def macro_temperatures(command: str) -> dict[str, float]:
+def read_macro_temperatures(command: str) -> dict[str, float]:
     """Read "bed" and "nozzle" temperatures, °C, from a command like `START_PRINT BED_TEMP=60 EXTRUDER_TEMP=210`."""
     temperatures: dict[str, float] = {}
     for name, number in _SETTING.findall(command.upper()):

@@ -31,7 +31,7 @@ from printer_slicer.geometry import (
     window_intersection,
     window_intersections,
 )
-from printer_slicer.layer_settings import LayerSettings, settings_by_layer
+from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import Areas, LayerPlan, Regions, Sections, Walls
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
@@ -50,7 +50,7 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     below it, or if the area around it is too small for internal infill. The bed counts as a surface.
     """
     plan, inside, solid = sections.plan, walls.inside, sections.solid
-    rules, width = _RegionSettings.of(settings_by_layer(profile, plan)), walls.width
+    rules, width = _RegionSettings.from_layers(resolve_layer_settings(profile, plan)), walls.width
     near, (open_above, open_below) = _find_exposed_areas(sections, inside, rules)
     shell = _find_shell(walls, near, rules)
     supporting, infill = _take_layer_below(solid), difference(inside, shell)
@@ -65,14 +65,14 @@ def classify(sections: Sections, walls: Walls, profile: Profile) -> Regions:
     bridges = find_bridges(
         offset_open(open_below, width / 4), overhanging, supporting, width, (rules.anchor, rules.angle)
     )
-    down = on_bed.merge(bridges.bridged_areas())
+    down = on_bed.merge(bridges.unite_areas())
     up = difference(_grow_areas(open_above, inside, width, 2 * width), down)
     infill, scraps = _split_usable_infill(difference(infill, down.merge(up)), width, rules)
     scraps = _select_scraps_over_infill(scraps, _take_layer_below(infill)).merge(
         _select_narrow_pieces(difference(overhanging, down.merge(up).merge(infill)), width)
     )
     bridges = bridges.add_scraps(split_connected(scraps), width / 4)
-    open_to_air = on_bed.merge(bridges.bridged_areas()).merge(up)
+    open_to_air = on_bed.merge(bridges.unite_areas()).merge(up)
     covered = difference(inside, infill.merge(open_to_air))
     internal = find_internal_bridges(covered, _take_layer_below(infill), width, rules.anchor)
     bridge, angle = bridges.place_on_layers()
@@ -109,8 +109,8 @@ class _RegionSettings(Struct, frozen=True, eq=False):
     angle: Float
 
     @classmethod
-    def of(cls, layered: LayerSettings) -> _RegionSettings:
-        """Return the settings of the profile of each layer."""
+    def from_layers(cls, layered: LayerSettings) -> _RegionSettings:
+        """Read the settings of the regions from the profile of each layer."""
         density = layered.values(lambda profile: profile.quality.infill_density)
         return cls(
             density >= 1,
@@ -135,10 +135,10 @@ def _find_exposed_areas(
     plan = sections.plan
     top, bottom = rules.top, rules.bottom
     beside = np.minimum(top, _SMALLEST), np.minimum(bottom, _SMALLEST)
-    windows = [_window_above(plan, beside[0]), _window_below(plan, beside[1])]
+    windows = [_find_window_above(plan, beside[0]), _find_window_below(plan, beside[1])]
     if not rules.full.all():
         top, bottom = (np.where(rules.full, *pair) for pair in zip(beside, (top, bottom), strict=True))
-        windows += [_window_above(plan, top), _window_below(plan, bottom)]
+        windows += [_find_window_above(plan, top), _find_window_below(plan, bottom)]
     own = np.arange(plan.n_layers)
     idle = [last <= first for first, last in windows]
     covers = window_intersections(
@@ -173,8 +173,8 @@ def _find_shell(walls: Walls, near: tuple[Areas, Areas], rules: _RegionSettings)
 def _find_slope_areas(walls: Walls, rules: _RegionSettings) -> tuple[Areas, Areas]:
     """Return the parts of the inside that perimeters cover on the layers where the shell ends, above and below."""
     plan, inside, sloped = walls.plan, walls.inside, rules.slope > 0
-    above = _window_above(plan, rules.top)
-    below = _window_below(plan, rules.bottom)
+    above = _find_window_above(plan, rules.top)
+    below = _find_window_below(plan, rules.bottom)
     own = np.arange(plan.n_layers)
     highest = np.where(sloped, np.maximum(np.minimum(above[1], plan.n_layers) - 1, own), own)
     lowest = np.where(sloped, np.minimum(np.maximum(below[0], 0), own), own)
@@ -257,8 +257,8 @@ def _take_layer_below(solid: Areas) -> Areas:
     return window_intersection(solid, own - 1, own)
 
 
-def _window_above(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
-    """Return for each layer the range of layers above it within `thickness` (L,); empty for thickness 0."""
+def _find_window_above(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
+    """Return for each layer the range of layers within `thickness` (L,) above it; empty if the thickness is 0."""
     first = np.arange(plan.n_layers) + 1
     last = np.searchsorted(plan.bottom, plan.top + thickness - _SMALLEST / 2)
     # Layers near the top get a window that extends beyond the stack, because there is air above the last layer.
@@ -266,8 +266,8 @@ def _window_above(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
     return first, np.where(near_top & (thickness > 0), plan.n_layers + 1, last).astype(np.int64)
 
 
-def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
-    """Return for each layer the range of layers below it within `thickness` (L,); -1 stands for the bed."""
+def _find_window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
+    """Return for each layer the range of layers within `thickness` (L,) below it; -1 stands for the bed."""
     last = np.arange(plan.n_layers)
     first = np.searchsorted(plan.top, plan.bottom - thickness + _SMALLEST / 2, side="right")
     near_bed = plan.bottom - thickness + _SMALLEST / 2 < 0
@@ -275,5 +275,5 @@ def _window_below(plan: LayerPlan, thickness: Float) -> tuple[Int, Int]:
 
 
 def _grow_areas(area: Areas, inside: Areas, width: Float, by: Float) -> Areas:
-    """Drop slivers narrower than half an extrusion, then extend the areas by `by` (L,) mm onto their supports."""
+    """Drop slivers narrower than half an extrusion, then grow the areas by `by` (L,) mm within `inside`."""
     return intersection(offset(offset_open(area, width / 4), by), inside)

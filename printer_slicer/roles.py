@@ -20,7 +20,7 @@ __all__ = ["ROLES", "Phase", "Role", "RoleRow", "is_perimeter", "roles_with"]
 class Role(IntEnum, metaclass=RenamedMembers):
     """Role of an extrusion; the number is the index of its row in `ROLES`."""
 
-    __former_names__ = {  # noqa: RUF012 - a name with underscores is no member
+    __former_names__ = {  # noqa: RUF012 - names with double underscores are not members
         "INNER_PERIMETER": "PERIMETER",
         "OUTER_PERIMETER": "EXTERNAL_PERIMETER",
         "BOTTOM_SKIN": "BOTTOM_SOLID_INFILL",
@@ -147,7 +147,7 @@ def roles_with(
     is_around: bool | None = None,
     phase: Phase | None = None,
 ) -> Bool:
-    """Return which roles (roles,) have the given properties; index the result with roles (n,)."""
+    """Return a mask (roles,) of the roles that have the given properties; index it with role numbers (n,)."""
     asked = {
         "is_part": is_part,
         "is_infill": is_infill,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, scatter
+from printer_slicer.arrays import Float, Int, reorder_points
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
 from printer_slicer.geometry.connectivity import find_cycles
@@ -16,7 +16,7 @@ from printer_slicer.geometry.plane_sections import Crossings, intersect_with_pla
 from printer_slicer.geometry.slab_projection import project_slabs
 from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
 
-__all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "section_repairs"]
+__all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "list_section_repairs"]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
@@ -117,12 +117,12 @@ def contours(mesh: Mesh, plan: LayerPlan) -> Contours:
 
 
 def find_gaps(mesh: Mesh, plan: LayerPlan) -> tuple[int, list[Gap]]:
-    """Count the edges without a neighbour, and list the gaps in contours that were closed, widest first."""
+    """Count the edges without a neighbour, and list the closed gaps of contours, widest first."""
     rings = _cut_rings(mesh, plan)
     return rings.unpaired, list(rings.gaps)
 
 
-def section_repairs(
+def list_section_repairs(
     sections: Sections, shift: Float | tuple[float, float, float] = (0, 0, 0)
 ) -> list[Repair]:
     """List the repairs of contours made when the mesh was cut.
@@ -201,7 +201,7 @@ def _join_rings(
     start = np.concatenate([[0], np.cumsum(size)])
     place_of_ring = np.zeros(n_nodes, np.int64)
     place_of_ring[first] = start[:-1]
-    xy = scatter(crossings.xy, place_of_ring.take(ring) + rank)
+    xy = reorder_points(crossings.xy, place_of_ring.take(ring) + rank)
     rings = Areas(xy, start, crossings.plane[first], plan.n_layers)
     if not len(chords.tail):
         return rings, []
@@ -225,9 +225,9 @@ def _close_contours(
     try:
         found, left = _close_ends(following, loose, n_pairs)
     except OverflowError:
-        raise _open_surface_error(name, loose, plan, "the surface has too many holes") from None
+        raise _make_open_surface_error(name, loose, plan, "the surface has too many holes") from None
     if len(found.tail) < len(loose.tails):
-        raise _open_surface_error(
+        raise _make_open_surface_error(
             name, loose.without(found), plan, "the contour cannot be closed without crossing itself"
         )
     following[found.tail] = found.head
@@ -259,7 +259,7 @@ def _close_ends(following: Int, loose: LooseEnds, n_pairs: int) -> tuple[Chords,
     return chords, left
 
 
-def _open_surface_error(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
+def _make_open_surface_error(name: str, loose: LooseEnds, plan: LayerPlan, why: str) -> MeshError:
     """Return the error for an open contour; its message names the loose end with the lowest z, x, y."""
     planes = loose.plane[loose.tails]
     lowest = loose.xy[loose.tails[planes == planes.min()]]

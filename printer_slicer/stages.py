@@ -68,8 +68,8 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
 
     Attributes:
         part: the repaired and placed part.
-        sections: the solid area of each layer. Sections, walls and regions are without a raft. With a raft, toolpaths,
-            travels and program have its layers first, and the part is raised.
+        sections: the solid area of each layer. Sections, walls and regions never contain a raft. With a raft,
+            toolpaths, travels and program begin with the layers of the raft, and the part is raised.
         walls: the perimeters, and the area inside them.
         regions: the area inside the perimeters, divided by role.
         toolpaths: polylines in printing order.
@@ -107,5 +107,5 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
 
     @property
     def plan(self) -> LayerPlan:
-        """The layers of the part, without those of a raft."""
+        """The layers of the part, without the layers of a raft."""
         return self.sections.plan

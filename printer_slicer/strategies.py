@@ -20,7 +20,7 @@ from printer_slicer.infill import Infill, InfillTask
 from printer_slicer.model import Heat, LayerPlan, Mesh, Program, ToolChange
 from printer_slicer.planning import Planner
 from printer_slicer.profile import Profile
-from printer_slicer.texts import callable_name, describe_type
+from printer_slicer.texts import describe_type, get_callable_name
 from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["BUILT_IN", "Strategies", "check_plan", "run_line_functions", "run_program_functions"]
@@ -52,7 +52,7 @@ class Strategies(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.flavour is not None and not isinstance(self.flavour, Dialect):
             raise StrategyError(
-                f"flavour {callable_name(self.flavour)}: is {describe_type(self.flavour)}, not a Dialect",
+                f"flavour {get_callable_name(self.flavour)}: is {describe_type(self.flavour)}, not a Dialect",
                 remedy='Derive one from a built-in flavour: dataclasses.replace(ps.FLAVOURS["marlin"], pause="M600")',
             )
         for name in ("planner", "infill"):
@@ -80,7 +80,10 @@ class Strategies(Struct, frozen=True, kw_only=True):
     def facts(self) -> tuple[str, ...]:
         """Return comment lines that name the user's planner and infill, which no setting in the file names."""
         infill = self.custom_infill
-        named = {"planner": self.planner and callable_name(self.planner), "infill": infill and infill.name}
+        named = {
+            "planner": self.planner and get_callable_name(self.planner),
+            "infill": infill and infill.name,
+        }
         return tuple(f"{what} = {name}, a user function" for what, name in named.items() if name)
 
 
@@ -114,7 +117,7 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
     Raises:
         StrategyError: the value is no LayerPlan, exceeds the printer's limits, or does not cover the part.
     """
-    name, step = f"planner {callable_name(planner)}", profile.printer.z_step
+    name, step = f"planner {get_callable_name(planner)}", profile.printer.z_step
     if not isinstance(plan, LayerPlan):
         raise StrategyError(
             f"{name}: returned {describe_type(plan)}, not a LayerPlan",
@@ -139,7 +142,7 @@ def check_plan(plan: object, part: Mesh, profile: Profile, planner: object) -> L
             f"{name}: the last layer goes from {low:.6g} to {high:.6g} mm, but the part ends at {top:.6g} mm",
             remedy="Make the last layer contain the top of the part (part.height)",
         )
-    return plan if plan.planner else replace(plan, planner=callable_name(planner))
+    return plan if plan.planner else replace(plan, planner=get_callable_name(planner))
 
 
 def _check_heights(name: str, plan: LayerPlan, profile: Profile) -> None:
@@ -182,7 +185,7 @@ def run_program_functions(
     """
     for function in functions:
         n_layers, program = program.plan.n_layers, function(program)
-        name = f"on_program {callable_name(function)}"
+        name = f"on_program {get_callable_name(function)}"
         _check_program(name, program, n_layers)
         _check_tools(name, program, n_tools)
     return program
@@ -245,7 +248,7 @@ def run_line_functions(text: bytes, functions: Sequence[Callable[[list[str]], It
         StrategyError: a function returned invalid lines.
     """
     for function in functions:
-        name = f"on_lines {callable_name(function)}"
+        name = f"on_lines {get_callable_name(function)}"
         value: Any = function(text.decode("utf-8").removesuffix("\n").split("\n"))
         if value is None or isinstance(value, str | bytes):
             raise StrategyError(
@@ -293,7 +296,7 @@ def _wrap_flavour(flavour: Dialect) -> Dialect:
             )
 
     def wrap_function(name: str, *, many: bool) -> Any:
-        """Return a function of the flavour with a check of its result; None if the flavour lacks it."""
+        """Wrap a function of the flavour, so that its result is checked; None if the flavour lacks the function."""
         function = getattr(flavour, name)
 
         def call_and_check(*arguments: Any) -> Any:

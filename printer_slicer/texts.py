@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
-__all__ = ["callable_name", "describe_type", "format_duration", "format_number", "format_significant"]
+__all__ = ["describe_type", "format_duration", "format_number", "format_significant", "get_callable_name"]
 
 
 def format_number(value: float) -> str:
@@ -33,6 +33,6 @@ def describe_type(value: object) -> str:
     return "nothing" if value is None else f"a value of type {type(value).__name__}"
 
 
-def callable_name(function: object) -> str:
+def get_callable_name(function: object) -> str:
     """Return the name of a function, or of the type of an object without a name."""
     return str(getattr(function, "__name__", type(function).__name__))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.model import Mesh
 
-__all__ = ["Picture", "encode_image", "render", "thumbnail_lines"]
+__all__ = ["Picture", "encode_image", "render", "render_thumbnail_lines"]
 
 Picture = NDArray[np.uint8]
 """(h, w, 4) red, green, blue, opacity; row 0 is the top."""
@@ -49,7 +49,7 @@ def render(part: Mesh, width: int, height: int) -> Picture:
     return _render_pictures(part.triangles, [(width, height)])[0]
 
 
-def thumbnail_lines(part: Mesh, specs: Sequence[str]) -> list[str]:
+def render_thumbnail_lines(part: Mesh, specs: Sequence[str]) -> list[str]:
     """Render thumbnails as comment lines of a G-code file.
 
     Args:
@@ -88,7 +88,7 @@ def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list
     """
     if not sizes:
         return []
-    low, size = _projected_extent(triangles)
+    low, size = _measure_projected_extent(triangles)
     scales = [_scale_to_fit(size, *one) for one in sizes]
     scale = max(_SUPERSAMPLING * max(scales), _MIN_LARGE_SIZE / float(size.max()))
     large = _render_large(triangles, low, size, scale)
@@ -97,7 +97,7 @@ def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list
     ]
 
 
-def _projected_extent(triangles: Float) -> tuple[Float, Float]:
+def _measure_projected_extent(triangles: Float) -> tuple[Float, Float]:
     """Return the lowest projected coordinates (2,) of the part, and its projected size (2,), mm."""
     ends = []
     for first in range(0, len(triangles), _BLOCK_SIZE):
@@ -112,11 +112,11 @@ def _project(triangles: Float) -> Float:
     corners = np.ascontiguousarray(
         triangles.reshape(-1, 9).T
     )  # one contiguous column per coordinate, for speed
-    axes = np.stack(_camera_axes())
+    axes = np.stack(_compute_camera_axes())
     return np.stack([axes @ corners[3 * one : 3 * one + 3] for one in range(3)], axis=1)
 
 
-def _camera_axes() -> tuple[Float, Float, Float]:
+def _compute_camera_axes() -> tuple[Float, Float, Float]:
     """Return the unit vectors to the right, upward, and towards the camera."""
     toward = np.array([cos(_ELEVATION) * cos(_AZIMUTH), cos(_ELEVATION) * sin(_AZIMUTH), sin(_ELEVATION)])
     right = np.array([-sin(_AZIMUTH), cos(_AZIMUTH), 0.0])
@@ -146,7 +146,7 @@ def _render_large(triangles: Float, low: Float, size: Float, scale: float) -> ND
         # Of several facets at equal depth, the last one wins.
         colour[pixel[seen]] = _shade_facets(block, facet[seen])
     covered = np.isfinite(nearest).reshape(shape)
-    shown = colour.reshape(*shape, 3) * _outline_brightness(nearest.reshape(shape))[..., None]
+    shown = colour.reshape(*shape, 3) * _compute_outline_brightness(nearest.reshape(shape))[..., None]
     return np.dstack([shown, np.float32(255) * covered])
 
 
@@ -164,18 +164,18 @@ def _rasterize_facets(
     count = rows[kept].astype(np.int64)
     row_facet = np.repeat(np.arange(len(kept)), count)
     row_y: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
-    begin, size = _pixel_spans(x, y, row_facet, row_y, shape[1])
+    begin, size = _find_pixel_spans(x, y, row_facet, row_y, shape[1])
     across = consecutive(begin, size)
     row = np.repeat(np.arange(len(row_y)), size)
     facet = row_facet[row]
-    by_x, by_y = _depth_slopes(x, y, depth, double_area[kept])
+    by_x, by_y = _compute_depth_slopes(x, y, depth, double_area[kept])
     base = depth[0] - by_x * (x[0] - 0.5) - by_y * y[0]
     pixel_depth = base[facet] + by_x[facet] * across + by_y[facet] * row_y[row]
     pixel = row_y.astype(np.int64)[row] * shape[1] + across
     return kept[facet], pixel, pixel_depth.astype(np.float32)
 
 
-def _pixel_spans(x: Float, y: Float, row_facet: Int, row_y: Float, width: int) -> tuple[Int, Int]:
+def _find_pixel_spans(x: Float, y: Float, row_facet: Int, row_y: Float, width: int) -> tuple[Int, Int]:
     """Return the first pixel and the number of pixels in each row of a facet; facets are counter-clockwise."""
     begin, end = np.full(len(row_y), -np.inf), np.full(len(row_y), np.inf)
     for one, other in ((0, 1), (1, 2), (2, 0)):
@@ -192,7 +192,7 @@ def _pixel_spans(x: Float, y: Float, row_facet: Int, row_y: Float, width: int) -
     return np.where(is_covered, first, 0).astype(np.int64), np.where(is_covered, size, 0).astype(np.int64)
 
 
-def _depth_slopes(x: Float, y: Float, depth: Float, double_area: Float) -> tuple[Float, Float]:
+def _compute_depth_slopes(x: Float, y: Float, depth: Float, double_area: Float) -> tuple[Float, Float]:
     """Return the change of depth of each facet per pixel, to the right and upward."""
     one, other = depth[1] - depth[0], depth[2] - depth[0]
     ax, ay, bx, by = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
@@ -215,8 +215,8 @@ def _shade_facets(triangles: Float, facet: Int) -> NDArray[np.float32]:
     return table[facet]
 
 
-def _outline_brightness(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the brightness factor (h, w) of each pixel; pixels at a jump in depth are darkened."""
+def _compute_outline_brightness(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the brightness factor (h, w) of each pixel; pixels at a jump in depth are darker and form an outline."""
     bright = np.ones(nearest.shape, np.float32)
     depths = nearest[np.isfinite(nearest)]
     if not len(depths):
@@ -246,7 +246,7 @@ def _downscale(
     picture = large
     for axis, (pixels, part) in enumerate(zip(output_size[::-1], size[::-1], strict=True)):
         edges = (np.arange(pixels + 1) - (pixels - part * ratio) / 2) / ratio
-        picture = _box_means(picture, edges, axis)
+        picture = _compute_box_means(picture, edges, axis)
     alpha = picture[..., 3:]
     straight = np.where(alpha > 0, picture[..., :3] * 255 / np.maximum(alpha, 1e-9), 0)
     whole = np.rint(np.concatenate([straight, alpha], axis=2)).clip(0, 255).astype(np.uint8)
@@ -254,8 +254,8 @@ def _downscale(
     return np.ascontiguousarray(whole[::-1])
 
 
-def _box_means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
-    """Return the mean between each two consecutive edges along an axis; pixels beyond the picture are 0."""
+def _compute_box_means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
+    """Return the mean of the pixels between consecutive `edges` along an axis; pixels beyond the picture are 0."""
     moved = np.moveaxis(picture, axis, 0)
     sums = np.zeros((len(moved) + 1, *moved.shape[1:]), np.float32)
     np.cumsum(moved, axis=0, out=sums[1:])

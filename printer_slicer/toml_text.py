@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-__all__ = ["MOST_BYTES", "TomlError", "key_lines", "parse_toml"]
+__all__ = ["MOST_BYTES", "TomlError", "find_key_lines", "parse_toml"]
 
 MOST_BYTES: Final = 1 << 20
 """Size limit of a file; the largest shipped profile has 10 kB."""
@@ -39,7 +39,7 @@ _MANY_DIGITS = re.compile(r"(?:\d_?){4000}")
 
 
 class TomlError(ValueError):
-    """An error: a TOML text is invalid or exceeds a limit.
+    """Raised when a TOML text is invalid or exceeds a limit.
 
     Attributes:
         line: line number, counted from 1.
@@ -76,7 +76,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     fault = _find_value_beyond_limits(values)
     if fault:
         key, reason = fault
-        lines = key_lines(text)
+        lines = find_key_lines(text)
         while key not in lines and "." in key:
             key = key.rpartition(".")[0]
         raise TomlError(lines.get(key, 1), reason)
@@ -107,7 +107,7 @@ def _blank_string_or_comment(word: str) -> str:
 
 
 def _find_too_deep_line(text: str) -> int:
-    """Return the first line with too many open brackets."""
+    """Return the number of the first line with too many open brackets."""
     depth = 0
     for found in _WORD.finditer(text):
         depth += (found[0] in "[{") - (found[0] in "]}")
@@ -137,7 +137,7 @@ def _find_value_beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | No
     return None
 
 
-def key_lines(text: str) -> dict[str, int]:
+def find_key_lines(text: str) -> dict[str, int]:
     """Map each dotted key and table of a valid TOML text to the line, from 1, where it is first named.
 
     Tables of a list `[[many]]` are called `many[0]`, `many[1]` and so on, and `many` is the line where the list begins.

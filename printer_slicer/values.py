@@ -62,15 +62,15 @@ else:
 
 def as_dict(value: Struct) -> dict[str, Any]:
     """Return the fields of a value by name; values inside it become dictionaries, too."""
-    return {name: _plain(getattr(value, name)) for name in value.__struct_fields__}
+    return {name: _convert_structs(getattr(value, name)) for name in value.__struct_fields__}
 
 
-def _plain(value: Any) -> Any:
-    """Return a field's value without structs in it."""
+def _convert_structs(value: Any) -> Any:
+    """Return a field's value, with all structs in it converted to dictionaries."""
     if isinstance(value, msgspec.Struct):
         return as_dict(value)
     if isinstance(value, Mapping):
-        return {key: _plain(inner) for key, inner in value.items()}
+        return {key: _convert_structs(inner) for key, inner in value.items()}
     if isinstance(value, tuple | list) and not hasattr(value, "_fields"):
-        return type(value)(map(_plain, value))
+        return type(value)(map(_convert_structs, value))
     return value

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.gallery import ENTRIES
 from printer_slicer.arrays import Float
-from printer_slicer.bridges import bridge_angles
+from printer_slicer.bridges import find_bridge_angles
 from printer_slicer.geometry import Areas, hatch, offset_open, split_connected
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.inspection.coverage.measurement import coverage_of
@@ -59,7 +59,7 @@ def bridged(room: Any, support: Any) -> tuple[float, float, float]:
     bridge = stack(
         max(shapely.get_parts(grown), key=shapely.area)
     )  # turned, corners may be cut off by rounding
-    angle, held = bridge_angles(split_connected(bridge), stack(support), SPACING, USUAL)
+    angle, held = find_bridge_angles(split_connected(bridge), stack(support), SPACING, USUAL)
     assert held.all()
     assert np.ptp(angle) == 0
     lines = hatch(bridge, angle=angle[0], spacing=SPACING)

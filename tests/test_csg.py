@@ -157,7 +157,7 @@ def test_a_pin_as_thick_as_three_beads_is_held_to_account(fault: str) -> None:
 
     check = check_gcode(with_layer(text, 8, FAULTS[fault]), mesh)
 
-    assert any(8 in one.in_layers for one in check.findings)
+    assert any(8 in one.affected_layers for one in check.findings)
 
 
 @pytest.mark.parametrize(

@@ -67,5 +67,5 @@ def test_only_errors_that_are_not_allowed_keep_a_job_from_being_printed() -> Non
 
 
 def test_layers_of_a_run_are_indices_from_0() -> None:
-    assert [*Diagnostic("outline", "error", "", layer=3, first=2, last=4).in_layers] == [1, 2, 3]
-    assert [*Diagnostic("outline", "error", "", layer=3).in_layers] == [2]
+    assert [*Diagnostic("outline", "error", "", layer=3, first=2, last=4).affected_layers] == [1, 2, 3]
+    assert [*Diagnostic("outline", "error", "", layer=3).affected_layers] == [2]

@@ -35,7 +35,7 @@ def seen(
 
 
 def by_name(found: PrinterDiagnosis) -> dict[str, PortCheck]:
-    return {check.name: check for check in found.checks()}
+    return {check.name: check for check in found.run_checks()}
 
 
 # The printer
@@ -115,7 +115,7 @@ class _Silent:
 
 def test_nobody_behind_the_port() -> None:
     port = _Silent()
-    checks = list(diagnose_printer(port, lambda: port.now, baud=115_200).checks())
+    checks = list(diagnose_printer(port, lambda: port.now, baud=115_200).run_checks())
 
     assert [(check.name, check.state) for check in checks] == [("printer", "bad")]
     assert "--baud" in checks[0].remedy
@@ -134,7 +134,7 @@ def test_firmware_without_thermal_protection_is_bad() -> None:
 
 
 def test_a_port_that_is_not_there(tmp_path: Path) -> None:
-    (check,) = read_port_state(str(tmp_path / "none")).checks()
+    (check,) = read_port_state(str(tmp_path / "none")).run_checks()
 
     assert (check.name, check.state) == ("port", "bad")
 
@@ -142,7 +142,7 @@ def test_a_port_that_is_not_there(tmp_path: Path) -> None:
 def test_a_file_is_no_port(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()
-    (check,) = read_port_state(str(file)).checks()
+    (check,) = read_port_state(str(file)).run_checks()
 
     assert check.state == "bad"
     assert "not a serial port" in check.what
@@ -163,7 +163,7 @@ def test_a_link_is_followed_to_its_device(tmp_path: Path, terminal: str) -> None
 
     assert (state.exists, state.is_port, state.device) == (True, True, terminal)
     assert state.group
-    assert [check.state for check in state.checks()] == ["good"] * 3
+    assert [check.state for check in state.run_checks()] == ["good"] * 3
 
 
 @pytest.mark.parametrize(("timer", "judged"), [("1\n", "good"), ("16\n", "warn"), ("?\n", None)])
@@ -172,7 +172,7 @@ def test_the_latency_timer(tmp_path: Path, timer: str, judged: str | None) -> No
     folder = tmp_path / "null" / "device"
     folder.mkdir(parents=True)
     (folder / "latency_timer").write_text(timer)
-    checks = {check.name: check for check in read_port_state("/dev/null", ttys=tmp_path).checks()}
+    checks = {check.name: check for check in read_port_state("/dev/null", ttys=tmp_path).run_checks()}
 
     assert checks["latency timer"].state == judged if judged else "latency timer" not in checks
 
@@ -183,7 +183,7 @@ def test_who_holds_it_is_named(tmp_path: Path) -> None:
         (tmp_path / str(pid) / "fd" / "3").symlink_to(device)
         (tmp_path / str(pid) / "comm").write_text(f"{name}\n")
     state = read_port_state("/dev/null", proc=tmp_path)
-    (held,) = [check for check in state.checks() if check.name == "in use"]
+    (held,) = [check for check in state.run_checks() if check.name == "in use"]
 
     assert state.holders == ((31, "ModemManager"),)
     assert held.state == "bad"
@@ -192,12 +192,14 @@ def test_who_holds_it_is_named(tmp_path: Path) -> None:
 
 def test_a_port_that_may_not_be_opened() -> None:
     state = replace(read_port_state("/dev/null"), may_open=False, group="dialout", in_group=False)
-    (check,) = [check for check in state.checks() if check.name == "permission"]
+    (check,) = [check for check in state.run_checks() if check.name == "permission"]
 
     assert check.state == "bad"
     assert "usermod -aG dialout" in check.remedy
     again = replace(state, in_group=True)
-    assert "Log out and in again" in next(one for one in again.checks() if one.name == "permission").remedy
+    assert (
+        "Log out and in again" in next(one for one in again.run_checks() if one.name == "permission").remedy
+    )
 
 
 # The command

@@ -15,7 +15,7 @@ from printer_slicer import link_model
 from printer_slicer.gcode import read_moves
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.inspection.dry_run.underruns import make_timed_job
-from printer_slicer.link_model import LinkRun, SerialLink, lateness
+from printer_slicer.link_model import LinkRun, SerialLink, compute_lateness
 from printer_slicer.motion.planner_clock import PlannerClock
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile, load_profile
@@ -168,7 +168,7 @@ def test_all_limits_that_change_before_a_move_hold() -> None:
 )
 @settings(deadline=None)
 def test_sizes_are_those_of_the_lines_that_are_sent(commands: list[bytes], first: int) -> None:
-    sizes, rooms = link_model.line_sizes(commands, first)
+    sizes, reserved_sizes = link_model.compute_line_sizes(commands, first)
     numbers = range(
         first + link_model.HANDSHAKE_LINES + 1, first + link_model.HANDSHAKE_LINES + 1 + len(commands)
     )
@@ -176,14 +176,14 @@ def test_sizes_are_those_of_the_lines_that_are_sent(commands: list[bytes], first
     assert sizes.tolist() == [
         len(frame(number, one)) + 1 for number, one in zip(numbers, commands, strict=True)
     ]
-    assert (rooms >= sizes).all()
-    assert (rooms <= sizes + 2).all()
+    assert (reserved_sizes >= sizes).all()
+    assert (reserved_sizes <= sizes + 2).all()
 
 
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.floats(0, 0.5)), min_size=1, max_size=60))
 def test_lateness_grows_by_the_lines_and_shrinks_by_the_moves(pairs: list[tuple[float, float]]) -> None:
     seconds, takes = np.array(pairs).T
-    late = lateness(np.cumsum(seconds) - seconds, takes)
+    late = compute_lateness(np.cumsum(seconds) - seconds, takes)
     expected = [0.0]
     for lasts, lines in zip(seconds[:-1].tolist(), takes[1:].tolist(), strict=True):
         expected.append(max(expected[-1] + lines - lasts, 0.0))

@@ -135,7 +135,9 @@ def test_ring_walls_of_any_thickness_get_the_plastic_of_their_volume(
     outline = sections.solid.ring_length().sum()
     held, area = plastic(walls)[0] + walls.inside.area()[0], sections.solid.area()[0]
     # Outside, the round sides of the beads leave open what inner ones fill, where there are any.
-    sides = 0.0 if (walls.paths.role == Role.PERIMETER).any() else outline * bead.side_loss(height)
+    sides = (
+        0.0 if (walls.paths.role == Role.PERIMETER).any() else outline * bead.compute_side_extension(height)
+    )
     assert held == pytest.approx(area - sides, rel=0.01)
     assert walls.paths.closed.all()
 
@@ -410,7 +412,7 @@ def test_ends_of_short_walls_get_the_plastic_of_a_round_end(size: tuple[float, f
     sections = stack([np.array([[0, 0], [x, 0], [x, y], [0, y]])])
     walls = lay_walls(sections, plain(perimeters=2))
 
-    square = x * y - 2 * (x + y) * bead.side_loss(0.2)
+    square = x * y - 2 * (x + y) * bead.compute_side_extension(0.2)
     rounded = square - 4 * (1 - np.pi / 4) * min(x / 2, WIDTH) ** 2
     assert rounded * 0.98 < plastic(walls)[0] + walls.inside.area()[0] < square * 1.02
 

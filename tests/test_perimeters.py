@@ -235,7 +235,7 @@ def test_what_lies_inside_and_the_walls_together_are_the_section(engine: str) ->
     length = np.hypot(*(paths.xy[paths.following] - paths.xy).T)
     laid = np.bincount(paths.layer[path], length * bead.spacing(paths.width, 0.2), minlength=10)
     room = sections.solid.area()
-    room[9] -= sections.solid.ring_length()[9] * bead.side_loss(
+    room[9] -= sections.solid.ring_length()[9] * bead.compute_side_extension(
         0.2
     )  # no inner perimeter fills round sides there
     assert laid + walls.inside.area() == pytest.approx(room, rel=2e-3)

@@ -12,7 +12,7 @@ from printer_slicer import Mesh, Stages, gcode_of, load_profile, profile_with, s
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.stack import stack_of_program
-from printer_slicer.layer_settings import settings_by_layer
+from printer_slicer.layer_settings import resolve_layer_settings
 from printer_slicer.model import Heat, LayerPlan, PlateObject
 from printer_slicer.objects import split_objects
 from printer_slicer.profile import Profile
@@ -176,7 +176,7 @@ def test_sparse_infill_does_not_begin_over_what_is_hollow() -> None:
 
 
 def test_later_heights_win_where_several_overlap() -> None:
-    layered = settings_by_layer(
+    layered = resolve_layer_settings(
         plain(overrides="0:6:perimeters=3; 4:8:perimeters=5; 4:8:infill_density=0.5"), layers(10, 1.0)
     )
     perimeters = layered.values(lambda one: one.quality.perimeters)

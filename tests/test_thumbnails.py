@@ -16,7 +16,7 @@ from PIL import Image
 from printer_slicer.errors import ProfileError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.pipeline import slice_stages
-from printer_slicer.thumbnails import Picture, encode_image, render, thumbnail_lines
+from printer_slicer.thumbnails import Picture, encode_image, render, render_thumbnail_lines
 from tests.parts import box, plain, sphere
 
 each_format = pytest.mark.parametrize("file_format", ["PNG", "QOI"])
@@ -71,7 +71,7 @@ def pictures_in(text: str) -> list[tuple[str, int, int, Picture]]:
 
 
 def test_pictures_stand_in_comments_with_their_size() -> None:
-    lines = thumbnail_lines(sphere(5), ["32x32", "120x80/PNG", "64x48/QOI"])
+    lines = render_thumbnail_lines(sphere(5), ["32x32", "120x80/PNG", "64x48/QOI"])
     found = pictures_in("\n".join(lines))
 
     assert [one[:3] for one in found] == [("PNG", 32, 32), ("PNG", 120, 80), ("QOI", 64, 48)]

@@ -15,9 +15,9 @@ from printer_slicer.diagnostics import (
     Diagnostic,
     as_json,
     check_allowed_codes,
-    first_of,
+    format_first_error,
+    format_remedies,
     raise_on_errors,
-    remedy_of,
     sentence,
 )
 from printer_slicer.errors import VerificationError
@@ -175,7 +175,7 @@ def require_no_errors(job: Job) -> None:
     """
     if wrong := disallowed_errors(job):
         raise VerificationError(
-            f"{job.name}: {first_of(list(map(sentence, wrong)))}", remedy=remedy_of(wrong)
+            f"{job.name}: {format_first_error(list(map(sentence, wrong)))}", remedy=format_remedies(wrong)
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from printer_slicer.cli.jobs import disallowed_errors, format_notes
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.progress import show_progress
-from printer_slicer.diagnostics import as_json, first_of, sentence
+from printer_slicer.diagnostics import as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.texts import format_duration
@@ -130,7 +130,7 @@ def require_printable(verdict: Verdict, job: Job) -> None:
         VerificationError: the print has problems.
     """
     if not verdict.ok:
-        raise VerificationError(f"{verdict.job}: {first_of(_list_errors(verdict, job))}")
+        raise VerificationError(f"{verdict.job}: {format_first_error(_list_errors(verdict, job))}")
 
 
 def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:

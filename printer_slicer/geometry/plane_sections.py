@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Bool, Float, Int, scatter
+from printer_slicer.arrays import Bool, Float, Int, reorder_points
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.connectivity import Index, find_cycles, weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, directed_edge_keys, expand_counts
@@ -226,4 +226,4 @@ def _join_rings(part: Crossings, n_planes: int) -> Areas:
     start = np.append(0, np.cumsum(np.bincount(ring, minlength=len(ring))[first]))
     place_of_ring = np.zeros(len(ring), np.int64)
     place_of_ring[first] = start[:-1]
-    return Areas(scatter(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)
+    return Areas(reorder_points(part.xy, place_of_ring.take(ring) + rank), start, part.plane[first], n_planes)

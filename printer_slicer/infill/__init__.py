@@ -26,7 +26,7 @@ from printer_slicer.infill.lightning import lightning_lines, lightning_pattern
 from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.solid import solid_paths
 from printer_slicer.infill.triangles import triangle_lines
-from printer_slicer.layer_settings import settings_by_layer
+from printer_slicer.layer_settings import resolve_layer_settings
 from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.values import replace
@@ -59,7 +59,7 @@ def infill_paths(
     Raises:
         StrategyError: the lines of `custom` cannot be printed, or do not have the density.
     """
-    layered = settings_by_layer(profile, regions.plan)
+    layered = resolve_layer_settings(profile, regions.plan)
     begins, limit = layered.run_starts(), min(profile.quality.internal_infill_every, profile.highest_bead)
     groups = group_layers(regions.internal_infill, regions.plan, limit, groups, lowest_allowed=begins)
     layouts = [_lay_out_infill(regions.of_layers(here), groups, one, custom) for one, here in layered.each()]

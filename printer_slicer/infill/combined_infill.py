@@ -9,7 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array, run_starts
-from printer_slicer.combine_layers import area_savings, choose_groups, last_layers, tallest_groups
+from printer_slicer.combine_layers import (
+    choose_groups,
+    compute_area_savings,
+    find_last_layers,
+    find_tallest_groups,
+)
 from printer_slicer.geometry import Areas, difference, offset_open, window_intersection
 from printer_slicer.model import LayerPlan
 from printer_slicer.values import Struct, force_setattr
@@ -52,7 +57,7 @@ def combine_infill_areas(infill: Areas, plan: LayerPlan, groups: Int, narrowest:
     own = np.arange(plan.n_layers)
     if (groups == own).all():
         return InfillAreas(infill, own, plan.height, own)
-    last = last_layers(groups)
+    last = find_last_layers(groups)
     several = groups < last
     ends = several & (last == own)
     common = window_intersection(infill, np.where(ends, groups, own), own + 1)
@@ -87,18 +92,18 @@ def group_layers(
         groups: (L,) known groups; those higher than `limit` are divided into single layers.
         lowest_allowed: (L,) lowest layer that each layer may be grouped with.
     """
-    lowest = tallest_groups(plan, limit)
+    lowest = find_tallest_groups(plan, limit)
     lowest = lowest if lowest_allowed is None else np.maximum(lowest, lowest_allowed)
     if groups is None:
-        return choose_groups(area_savings(infill, lowest))
-    return np.where(groups >= lowest[last_layers(groups)], groups, np.arange(plan.n_layers))
+        return choose_groups(compute_area_savings(infill, lowest))
+    return np.where(groups >= lowest[find_last_layers(groups)], groups, np.arange(plan.n_layers))
 
 
 def _count_turns(groups: Int) -> Int:
     """Return the counter (L,) by which patterns alternate: the group number plus the number of group layers above."""
     own = np.arange(len(groups))
     number = np.cumsum(run_starts(groups)) - 1
-    return np.asarray(number + last_layers(groups) - own, np.int64)
+    return np.asarray(number + find_last_layers(groups) - own, np.int64)
 
 
 def _concatenate_stacks(one: Areas, another: Areas) -> Areas:

@@ -11,7 +11,7 @@ from printer_slicer.errors import StrategyError
 from printer_slicer.geometry import Polylines, clip_lines
 from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.profile import Profile
-from printer_slicer.texts import callable_name, describe_type
+from printer_slicer.texts import describe_type, get_callable_name
 from printer_slicer.values import Struct
 
 __all__ = ["Infill", "check_density", "make_checked_pattern"]
@@ -39,7 +39,7 @@ class Infill(Struct, frozen=True):
     @property
     def name(self) -> str:
         """Name of the pattern in messages."""
-        return callable_name(self.lines)
+        return get_callable_name(self.lines)
 
 
 def make_checked_pattern(custom: Infill) -> Pattern:

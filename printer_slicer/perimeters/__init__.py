@@ -11,7 +11,7 @@ import numpy as np
 from printer_slicer import bead
 from printer_slicer.arrays import Bool
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, union
-from printer_slicer.layer_settings import settings_by_layer
+from printer_slicer.layer_settings import resolve_layer_settings
 from printer_slicer.model import Sections, Toolpaths, Walls
 from printer_slicer.perimeters.perimeter_widths import widen_perimeters
 from printer_slicer.perimeters.wall_loops import FillResult, fill_narrow, fill_pieces, make_loops
@@ -30,7 +30,7 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     `quality.single_top_perimeter`, exposed top areas have only the external perimeter. With `quality.extra_perimeters`,
     the edges of overhangs get more perimeters.
     """
-    layered = settings_by_layer(profile, sections.plan)
+    layered = resolve_layer_settings(profile, sections.plan)
     parts = [_make_walls(sections, here, own) for own, here in layered.each()]
     return Walls.joined(parts)
 

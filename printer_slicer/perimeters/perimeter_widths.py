@@ -37,7 +37,7 @@ def widen_perimeters(paths: Toolpaths, area_to_fill: Float) -> Toolpaths:
     size = np.diff(paths.start)
     height = np.repeat(paths.height, size)
     spacing = bead.spacing(paths.width, height)
-    most = np.minimum(_MAX_SIDES * bead.side_loss(height), _MAX_WIDENING * spacing)
+    most = np.minimum(_MAX_SIDES * bead.compute_side_extension(height), _MAX_WIDENING * spacing)
     more = np.clip(np.repeat(missing[paths.layer], size) * spacing, 0.0, most)
     width = np.where(np.repeat(inner, size), np.round(paths.width + more, 4), paths.width)
     return replace(paths, width=width)

@@ -23,7 +23,7 @@ from printer_slicer.profile.renamed import (
     resolve_former_name,
 )
 from printer_slicer.profile.settings import Material, Printer, Quality
-from printer_slicer.toml_text import MOST_BYTES, TomlError, key_lines, parse_toml
+from printer_slicer.toml_text import MOST_BYTES, TomlError, find_key_lines, parse_toml
 
 __all__ = [
     "DEFAULT_NAMES",
@@ -109,7 +109,7 @@ def read_chain(
             f"{seen[0]}: more than {MAX_ANCESTORS} levels of inheritance", remedy="Inherit from fewer files"
         )
     text, values = _read_toml(path)
-    lines = {current_name(key): line for key, line in key_lines(text).items()}
+    lines = {current_name(key): line for key, line in find_key_lines(text).items()}
     for key in _leaf_keys(values):
         resolve_former_name(key, f"{path}:{_find_line(lines, current_name(key))}")
     for key in list_overridden_settings(values):

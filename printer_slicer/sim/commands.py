@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.printer_macros import macro_temperatures, match_end_macro, match_start_macro
+from printer_slicer.printer_macros import match_end_macro, match_start_macro, read_macro_temperatures
 from printer_slicer.sim import (
     card_commands,
     heater_commands,
@@ -82,7 +82,7 @@ def start_command(state: FirmwareState, text: str) -> Steps | None:
 
 def _run_start_macro(state: FirmwareState, text: str) -> Steps:
     """Execute a start macro of the printer: home, then heat to the temperatures in the macro's parameters."""
-    temperatures = macro_temperatures(text)
+    temperatures = read_macro_temperatures(text)
     codes = {"bed": "M190", "nozzle": "M109"}
     lines = [] if all(state.homed) else ["G28"]
     lines += [f"{codes[heater]} S{degrees:g}" for heater, degrees in temperatures.items()]

@@ -21,7 +21,7 @@ from printer_slicer.profile.inspection import (
 from printer_slicer.profile.keys import find_nearest_key, keys_of
 from printer_slicer.profile.reading import SettingsSource, read_chain
 from printer_slicer.profile.template import new_profile, toml_value
-from printer_slicer.toml_text import key_lines
+from printer_slicer.toml_text import find_key_lines
 
 PARENTS = {"printer": "prusa_mk3s", "material": "petg", "quality": "fine"}
 
@@ -311,7 +311,7 @@ def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
     )
 
     assert tomllib.loads(text)
-    assert key_lines(text) == {
+    assert find_key_lines(text) == {
         "a": 1,
         "list": 6,
         "quoted key": 10,
@@ -324,7 +324,7 @@ def test_lines_of_keys_are_found_through_texts_lists_and_tables() -> None:
         "many[1]": 16,
         "many[1].f": 17,
     }
-    nested = key_lines("[[a]]\n[a.b]\nc = 1\n[[a]]\n[[a.d]]\ne = 1\n[[a.d]]\ne = 2\n")
+    nested = find_key_lines("[[a]]\n[a.b]\nc = 1\n[[a]]\n[[a.d]]\ne = 1\n[[a.d]]\ne = 2\n")
     assert (nested["a[0].b.c"], nested["a[1].d[0].e"], nested["a[1].d[1].e"]) == (3, 6, 8)
 
 

@@ -17,7 +17,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile import load_profile
 from printer_slicer.profile.folders import profile_paths
 from printer_slicer.profile.reading import KINDS, read_chain
-from printer_slicer.toml_text import LARGEST, MOST_BYTES, MOST_PARTS, TomlError, key_lines, parse_toml
+from printer_slicer.toml_text import LARGEST, MOST_BYTES, MOST_PARTS, TomlError, find_key_lines, parse_toml
 
 HOSTILE = {
     "a key of many parts": ("a = 1\n" + "a." * 20_000 + "b = 1\n", 2, "nested tables or lists"),
@@ -172,4 +172,4 @@ def test_what_is_within_the_limits_means_what_it_means_to_python(text: str) -> N
         assert expected is None or re.search("in each other|beyond|characters", found.reason)
     else:
         assert found == expected
-        assert set(key_lines(text).values()) <= set(range(1, n_lines + 1))
+        assert set(find_key_lines(text).values()) <= set(range(1, n_lines + 1))

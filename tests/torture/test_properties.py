@@ -15,7 +15,7 @@ from printer_slicer.errors import PartError
 from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan, Mesh, Repairs, Sections
-from printer_slicer.slicing import cut, section_repairs
+from printer_slicer.slicing import cut, list_section_repairs
 from tests.parts import (
     box,
     box_with_hole,
@@ -68,7 +68,7 @@ def attempt(mesh: Mesh, cuts: Float) -> tuple[Sections, Repairs] | None:
 def sliced(mesh: Mesh, cuts: Float) -> tuple[Sections, Repairs]:
     mended, repairs = repair(mesh)
     sections = cut(mended, LayerPlan(cuts + 1e-6, cuts), 0.0)
-    return sections, Repairs((*repairs.done, *section_repairs(sections)))
+    return sections, Repairs((*repairs.done, *list_section_repairs(sections)))
 
 
 def start(body: int, seed: int) -> tuple[Mesh, Float, np.random.Generator]:

@@ -8,7 +8,7 @@ import pytest
 from printer_slicer.errors import PartError
 from printer_slicer.healing import repair
 from printer_slicer.model import LayerPlan
-from printer_slicer.slicing import cut, section_repairs
+from printer_slicer.slicing import cut, list_section_repairs
 from tests.torture.cases import CASES, Case
 
 
@@ -28,6 +28,6 @@ def test_a_broken_mesh_is_sliced_right_or_refused(case: Case) -> None:
     mended, repairs = repair(case.mesh)
     sections = cut(mended, plan_of(case.cuts), 0.0)
 
-    kinds = {one.kind for one in (*repairs.done, *section_repairs(sections))}
+    kinds = {one.kind for one in (*repairs.done, *list_section_repairs(sections))}
     assert sections.solid.area() == pytest.approx(case.areas, abs=case.tolerance)
     assert kinds >= set(case.repairs)

@@ -22,7 +22,7 @@ from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import profile_facts, profile_from
 from printer_slicer.cli.unused_options import reject_options_without_model
-from printer_slicer.diagnostics import as_json, first_of, sentence
+from printer_slicer.diagnostics import as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.texts import format_duration
 from printer_slicer.values import Struct, as_dict, replace
@@ -346,7 +346,7 @@ def _raise_if_check_failed(check: Check, more: Sequence[str] = ()) -> None:
 def _raise_if_errors(name: str, wrong: Sequence[str]) -> None:
     """Raise a verification error with the first of the errors, if there are any."""
     if wrong:
-        raise VerificationError(f"{name}: {first_of(wrong)}")
+        raise VerificationError(f"{name}: {format_first_error(wrong)}")
 
 
 def _format_check(check: Check, model: str) -> Iterator[str]:

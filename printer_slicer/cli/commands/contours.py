@@ -97,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
     from printer_slicer.placing import place
-    from printer_slicer.slicing import cut, section_repairs
+    from printer_slicer.slicing import cut, list_section_repairs
 
     target = _parse_target(arguments.output, binary=arguments.binary)
     profile = profile_from(arguments)
@@ -114,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
         plan = plan_part(part, profile)
         report("slicing")
         raw = cut(part, plan, profile.quality.resolution)
-        repairs = Repairs((*repairs.done, *section_repairs(raw, shift)))
+        repairs = Repairs((*repairs.done, *list_section_repairs(raw, shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
         sections = _smooth_and_resample(raw, arguments, profile, report)

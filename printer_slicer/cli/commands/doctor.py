@@ -49,7 +49,7 @@ def _check_all_ports(arguments: argparse.Namespace) -> int:
     checked: list[tuple[str, list[PortCheck]]] = []
     for port in list_ports():
         name = f"{port.address} ({port.description})" if port.description else port.address
-        checked.append((name, list(read_port_state(port.device).checks())))
+        checked.append((name, list(read_port_state(port.device).run_checks())))
     if arguments.json:
         print(
             json.dumps(
@@ -102,7 +102,7 @@ def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], Printer
     from printer_slicer.doctor import PortCheck, diagnose_printer, read_port_state
     from printer_slicer.stream.serial_port import open_port
 
-    checks = [] if "://" in arguments.port else list(read_port_state(arguments.port).checks())
+    checks = [] if "://" in arguments.port else list(read_port_state(arguments.port).run_checks())
     if any(check.state == "bad" for check in checks):
         return checks, None
     try:
@@ -115,7 +115,7 @@ def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], Printer
         return [*checks, PortCheck("open", "bad", str(error).splitlines()[0], error.remedy)], None
     finally:
         port.close()
-    return [*checks, *found.checks()], found
+    return [*checks, *found.run_checks()], found
 
 
 def _checks_as_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:

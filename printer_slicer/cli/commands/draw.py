@@ -222,7 +222,7 @@ def _collect_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
 def _find_layers(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
     """Return the indices of the layers in which a finding lies."""
     if finding.first:
-        return [layer for layer in finding.in_layers if 0 <= layer < levels.n_layers]
+        return [layer for layer in finding.affected_layers if 0 <= layer < levels.n_layers]
     layer = levels.layer_at(finding.z) if finding.z is not None else finding.layer - 1
     return [layer] if 0 <= layer < levels.n_layers else []
 

@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
     from printer_slicer.placing import place
-    from printer_slicer.slicing import cut, section_repairs
+    from printer_slicer.slicing import cut, list_section_repairs
     from printer_slicer.surface import certify, read_surface
 
     check_outputs(arguments)
@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
         chosen = plan_part(part, profile)
         certificate = certify(read_surface(part), chosen)
         sections = cut(part, chosen, profile.quality.resolution)
-        repairs = Repairs((*repairs.done, *section_repairs(sections, shift)))
+        repairs = Repairs((*repairs.done, *list_section_repairs(sections, shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
         rows = _compare_plans(

@@ -207,7 +207,7 @@ def _areas_inside_shell(
 ) -> tuple[Areas, Float]:
     """Return the areas inside the shell, and how much area the shell should fill in each layer (L,), mm²."""
     # Extrusions with rounded sides do not fill their outline completely; inner perimeters fill the rest.
-    inner = difference(offset(sections, bead.side_loss(stack.height) - depth), open_to_air)
+    inner = difference(offset(sections, bead.compute_side_extension(stack.height) - depth), open_to_air)
     area_to_fill = np.maximum(_areas_to_fill(sections, stack, depth).area() - inner.area(), 0.0)
     return inner.of_layers(~stack.has_rising_z), area_to_fill
 
@@ -218,7 +218,7 @@ def _areas_to_fill(sections: Areas, stack: Stack, depth: float) -> Areas:
     Inner perimeters fill the gaps beside the rounded sides of external perimeters. Walls of one or two perimeters have
     no inner ones, so there these gaps remain.
     """
-    inside_sides = offset(sections, -bead.side_loss(stack.height))
+    inside_sides = offset(sections, -bead.compute_side_extension(stack.height))
     width = stack.beads.usual_width
     if depth < _MIN_INNER_DEPTH * width or stack.is_spiral:
         return inside_sides

@@ -15,7 +15,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.gcode.plain_moves import read_plain_moves
-from printer_slicer.link_model import LineBatch, line_sizes
+from printer_slicer.link_model import LineBatch, compute_line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import find_nonzero_moves, make_blocks
 from printer_slicer.sim.batch import BatchStart
@@ -51,7 +51,7 @@ class Chunk:
         self.others = np.flatnonzero(~self.is_plain).tolist()
         self.kinds = [_classify_command(self.texts[place]) for place in self.others]
         self._breaks = [place for place, kind in zip(self.others, self.kinds, strict=True) if not kind]
-        self.sizes, self.rooms = line_sizes(commands, first)
+        self.sizes, self.reserved_sizes = compute_line_sizes(commands, first)
 
     def __len__(self) -> int:
         return len(self.commands)
@@ -158,7 +158,9 @@ class CommandRun(Struct, frozen=True, eq=False):
         moving, length = find_nonzero_moves(np.ascontiguousarray(self.delta.T))
         delta = np.ascontiguousarray(self.delta[moving].T)
         blocks = make_blocks(delta, length, self.speed[moving], self.acceleration[moving], limits)
-        return LineBatch(chunk.sizes[selected], chunk.rooms[selected], self.reply_size, moving, blocks)
+        return LineBatch(
+            chunk.sizes[selected], chunk.reserved_sizes[selected], self.reply_size, moving, blocks
+        )
 
 
 _OtherCommands = list[tuple[int, str, str]]

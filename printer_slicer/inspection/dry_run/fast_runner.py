@@ -148,7 +148,7 @@ class FastRunner:
     def _execute_one(self, chunk: Chunk, at: int) -> str:
         """Execute one command on the firmware, and return the reply."""
         printer, link = self._printer, self._link
-        now = link.send(int(chunk.sizes[at]), int(chunk.rooms[at]))
+        now = link.send(int(chunk.sizes[at]), int(chunk.reserved_sizes[at]))
         while (due := printer.wakeup()) is not None and due <= now:
             link.send_answer(len(printer.send(due)), due)
         self._number += 1

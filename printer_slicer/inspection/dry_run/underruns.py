@@ -20,7 +20,7 @@ from printer_slicer.gcode import Moves, apply_limit_change
 from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse, parse_extended_command
 from printer_slicer.gcode.moves import choose_accelerations
-from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, line_sizes
+from printer_slicer.link_model import LinkRun, SerialLink, TimedJob, compute_line_sizes
 from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import Blocks, find_nonzero_moves, make_blocks
 from printer_slicer.values import Struct, replace
@@ -116,7 +116,7 @@ def find_underruns(
 
 def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits) -> TimedJob:
     """Return how much each command loads the link and the planner; arguments as for `find_underruns`."""
-    sizes, rooms = line_sizes(commands, 0)
+    sizes, reserved_sizes = compute_line_sizes(commands, 0)
     parts: list[Blocks] = []
     lines, changed, begin = [moves.line[:0]], {}, 0
     for first, kind, values in (*moves.changes, (len(moves.line), "", {})):
@@ -143,7 +143,7 @@ def make_timed_job(commands: Sequence[bytes], moves: Moves, limits: MotionLimits
     # Commands that move, such as some homing commands, count only as moves.
     others = np.setdiff1d(np.arange(len(commands)), moving).tolist()
     dwells = {at: seconds for at in others if (seconds := _dwell_seconds(commands[at])) is not None}
-    return TimedJob(sizes, rooms, moving, blocks, dwells, changed)
+    return TimedJob(sizes, reserved_sizes, moving, blocks, dwells, changed)
 
 
 def _dwell_seconds(command: bytes) -> float | None:

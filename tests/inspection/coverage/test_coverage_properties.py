@@ -57,7 +57,7 @@ def test_beads_that_tile_a_rectangle_leave_nothing_open_and_nothing_twice(
     rows: int, wide: float, height: float, width: float, degrees: float
 ) -> None:
     beads = solid(wide, rows, z=height, height=height, width=width)
-    gap, side = float(bead.spacing(width, height)), float(bead.side_loss(height))
+    gap, side = float(bead.spacing(width, height)), float(bead.compute_side_extension(height))
     deep = rows * gap + 2 * side
     section = np.array([(0, 0), (wide, 0), (wide, deep), (0, deep)])
     tiles = with_ends(beads, turned(beads.begin, degrees), turned(beads.end, degrees))

@@ -91,7 +91,7 @@ def test_gaps_narrower_than_a_slit_are_not_told() -> None:
 def test_beads_a_spacing_apart_fill_a_layer_just_once(height: float) -> None:
     rows = 30
     beads = solid(12.0, rows, z=height, height=height)
-    gap, side = float(bead.spacing(WIDTH, height)), float(bead.side_loss(height))
+    gap, side = float(bead.spacing(WIDTH, height)), float(bead.compute_side_extension(height))
     wide = rows * gap + 2 * side
     coverage = account(beads, [np.array([(0, 0), (12, 0), (12, wide), (0, wide)])])
 
@@ -135,7 +135,7 @@ def test_the_inside_of_a_right_angled_corner_is_not_told() -> None:
 def test_a_shell_with_nothing_inside_is_full_but_for_three_hundredths(filled: bool) -> None:
     """It needs what the round sides along the outline leave empty, too, from a wider inner perimeter."""
     inner = ring(20, inset=WIDTH / 2 + GAP)
-    sides = 80 * float(bead.side_loss(HEIGHT)) / (4 * (20 - WIDTH - 2 * GAP)) / GAP
+    sides = 80 * float(bead.compute_side_extension(HEIGHT)) / (4 * (20 - WIDTH - 2 * GAP)) / GAP
     beads = joined(ring(20), replace(inner, area=inner.area * (1 + sides)) if filled else inner)
     stack = stack_extrusions(
         joined(beads, replace(beads, z_top=beads.z_top * 2), replace(beads, z_top=beads.z_top * 3))
@@ -143,7 +143,7 @@ def test_a_shell_with_nothing_inside_is_full_but_for_three_hundredths(filled: bo
     coverage = coverage_of(stack, sections(*[[square(20)]] * 3), CoverageRules(shell=2 * GAP + WIDTH - GAP))
 
     # Half of what makes the inner one wider lies inside of the shell.
-    missing = float(bead.side_loss(HEIGHT)) / (2 * GAP) / (2 if filled else 1)
+    missing = float(bead.compute_side_extension(HEIGHT)) / (2 * GAP) / (2 if filled else 1)
     assert coverage.fill.shell[1] == pytest.approx(0.985 - missing, abs=0.016)
 
 

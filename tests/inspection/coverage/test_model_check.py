@@ -56,11 +56,11 @@ def without(made: Program, gone: Bool) -> Program:
 
 
 def kinds_at(check: Check, layer: int) -> set[str]:
-    return {one.code for one in check.findings if layer in one.in_layers}
+    return {one.code for one in check.findings if layer in one.affected_layers}
 
 
 def other_layers(check: Check, *layers: int) -> list[int]:
-    found = {k for one in check.findings for k in one.in_layers}
+    found = {k for one in check.findings for k in one.affected_layers}
     return sorted(found - set(layers))
 
 
@@ -137,7 +137,7 @@ def test_a_missing_wall_is_found() -> None:
     worst = next(one for one in check.findings if one.code == "uncovered")
     gap = float(bead.spacing(PROFILE.extrusion_width, 0.3))
     # Inner perimeters beside it are wider by what its round side leaves empty.
-    wall = (gap - float(bead.side_loss(0.3)) / 2) * (4 * (20 - gap) + 4 * (8 + gap))
+    wall = (gap - float(bead.compute_side_extension(0.3)) / 2) * (4 * (20 - gap) + 4 * (8 + gap))
     assert check.coverage.uncovered.area()[worst.layer - 1] == pytest.approx(wall, rel=0.05)
 
 

@@ -14,7 +14,13 @@ from hypothesis import strategies as st
 
 from benchmarks.peers import Part, find_peers
 from printer_slicer.cli import main
-from printer_slicer.diagnostics import NAMES, Diagnostic, check_allowed_codes, raise_on_errors, remedy_of
+from printer_slicer.diagnostics import (
+    NAMES,
+    Diagnostic,
+    check_allowed_codes,
+    format_remedies,
+    raise_on_errors,
+)
 from printer_slicer.errors import PolicyError, PortError, UsageError
 from printer_slicer.firmware import FLAVOURS
 from printer_slicer.gcode.lexer import strip
@@ -482,7 +488,7 @@ def test_a_job_is_refused_by_line_until_every_name_is_allowed() -> None:
 def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
     """Another profile helps only against what is measured by the profile."""
     of_profile = {"temperature", "box", "feed", "flow", "limits", "unreadable"}
-    remedy = remedy_of([Diagnostic(name, "error", "")])
+    remedy = format_remedies([Diagnostic(name, "error", "")])
 
     assert ("`printer`" in remedy) == (name in of_profile)
     assert ("supports" in remedy) == (name == "unsupported")
@@ -490,7 +496,7 @@ def test_every_finding_has_a_remedy_of_its_own_kind(name: str) -> None:
 
 
 def test_each_of_several_findings_has_its_remedy() -> None:
-    remedy = remedy_of(found("G28", "M500", "M104 S300", "M81", "M112"))
+    remedy = format_remedies(found("G28", "M500", "M104 S300", "M81", "M112"))
 
     assert remedy == (
         "eeprom, halt: Remove it from the G-code. "
