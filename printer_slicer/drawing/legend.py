@@ -11,7 +11,7 @@ from printer_slicer.drawing.canvas import Box, Shape, Text, fit_text
 from printer_slicer.drawing.frame import Panel
 from printer_slicer.model import LayerPlan
 
-__all__ = ["LEGEND_HEIGHT", "HeightRange", "divide_heights", "draw_legend"]
+__all__ = ["LEGEND_HEIGHT", "LegendRange", "divide_heights", "draw_legend"]
 
 LEGEND_HEIGHT: Final = 37
 """Height of the legend, px."""
@@ -21,7 +21,7 @@ _SIZE, _SWATCH, _MAX_STRIPES = 18, 40, 4
 _DARK: Final = "#1f2430"
 
 
-class HeightRange(NamedTuple):
+class LegendRange(NamedTuple):
     """A range of layer heights.
 
     Attributes:
@@ -42,7 +42,7 @@ class HeightRange(NamedTuple):
         return f"{self.n_layers} x {heights} mm"
 
 
-def divide_heights(plan: LayerPlan) -> list[HeightRange]:
+def divide_heights(plan: LayerPlan) -> list[LegendRange]:
     """Divide the layer heights of a plan into at most five ranges, in ascending order."""
     heights, first, counts = np.unique(plan.height, return_index=True, return_counts=True)
     if not len(heights):
@@ -56,7 +56,7 @@ def divide_heights(plan: LayerPlan) -> list[HeightRange]:
         own = np.flatnonzero(step == number)
         shown = own[np.linspace(0, len(own) - 1, min(len(own), _MAX_STRIPES)).round().astype(int)]
         low, high = float(heights[own[0]]), float(heights[own[-1]])
-        result.append(HeightRange(low, high, int(counts[own].sum()), first[shown].tolist()))
+        result.append(LegendRange(low, high, int(counts[own].sum()), first[shown].tolist()))
     return result
 
 
