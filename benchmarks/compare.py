@@ -1,7 +1,9 @@
-"""Compare our `slice` with PrusaSlicer in whole processes: same part, same settings.
+"""Compare our `slice` with PrusaSlicer and CuraEngine in whole processes: same part, same settings.
 
     python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--printer NAME] [--set KEY=VALUE]
                                  [--json FILE] [part ...]
+
+Parts are those of the models folder, the sample parts, and parts that other benchmarks make.
 
 One round runs each program once, one after the other, so that other load on the machine affects all of them. Each ratio
 is taken within a round. The output shows the median over the rounds with its extremes. The first run of each program is
@@ -17,7 +19,7 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
@@ -28,14 +30,30 @@ PEER = "prusa-slicer"
 MODELS = ("benchy", "crazyradio", "ringing_tower")
 """Parts from the models folder that are used if no part is named."""
 
+MADE_BY: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(
+        ("angle_bracket", "electronics_box", "belt_pulley", "knurled_knob", "threaded_adapter"),
+        ("-m", "benchmarks.functional_parts"),
+    ),
+    "plate": ("benchmarks/plate.py",),
+    "torus_5m": ("benchmarks/big_mesh.py", "--facets", "5000000", "--output", str(WORK / "torus_5m.stl")),
+}
+"""Arguments for Python, by name of the part that it makes."""
+
+_EQUAL = ("--resolution", "0.0125")
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "default": (),
+    "equal resolution": _EQUAL,
     "lean": (
         *("--perimeter-generator", "classic", "--seam-position", "rear"),
-        *("--no-extra-perimeters", "--resolution", "0.0125"),
+        *("--no-extra-perimeters", *_EQUAL),
     ),
 }
-"""Options in addition to the common settings of PrusaSlicer; its other settings are at their defaults."""
+"""Options in addition to the common settings of PrusaSlicer; its other settings are at their defaults.
+
+With equal resolution it simplifies outlines as we do, and lean it also works out as little as we do.
+"""
+CURA = "CuraEngine"
 
 SAME: Mapping[str, str] = {
     "max-print-height": "printer.bed_z",
@@ -86,6 +104,23 @@ print(json.dumps({key: str(value) for key, value in settings_text(used)}))
 """
 """Code that prints the settings of a G-code file as they are used, with the speeds of the printer."""
 
+_CURA_OPTIONS = """
+import json, sys
+from benchmarks.cura_settings import cura_settings, find_definitions
+from printer_slicer.profile import load_profile
+from printer_slicer.profile.gcode_settings import settings_in_gcode
+from pathlib import Path
+from printer_slicer.profile import profile_over
+definitions = find_definitions()
+profile = profile_over(settings_in_gcode(Path(sys.argv[1])), {}, {}, ())
+height = float(sys.argv[2])
+first = profile.quality.first_layer_height or height
+wanted = cura_settings(profile) | {"layer_height": height, "layer_height_0": first, "center_object": True}
+words = [word for key, text in definitions.settings(wanted).items() for word in ("-s", f"{key}={text}")]
+print(json.dumps(["-j", str(definitions.machine), *words, "-e0", *words]))
+"""
+"""Code that prints the options of CuraEngine for the settings in one of our G-code files."""
+
 _EXPORT = "import sys, trimesh; trimesh.load(sys.argv[1], force='mesh').export(sys.argv[2], file_type='stl')"
 
 
@@ -124,10 +159,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the comparison; return 1 if a part could not be measured."""
     options = _options(argv)
     WORK.mkdir(exist_ok=True)
-    peers = dict(VARIANTS) if shutil.which(PEER) else {}
-    print(machine_note() + (f", {_find_peer_version()}" if peers else ""), flush=True)
-    if not peers:
-        print(f"{PEER} is not installed: the table shows only our own times")
+    peers = [*VARIANTS] if shutil.which(PEER) else []
+    peers += [CURA] if shutil.which(CURA) else []
+    print(", ".join([machine_note(), *_find_peer_versions()]), flush=True)
+    for program in (PEER, CURA):
+        if not shutil.which(program):
+            print(f"{program} is not installed: no comparison with it")
     results = []
     for model in _find_parts(options.models, options.parts):
         results.append(_measure(model, peers, options.rounds, _our_arguments(options)))
@@ -172,7 +209,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _find_parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
     """Return the parts to slice: large ones from the models folder, then the sample parts."""
-    known: dict[str, Path] = {}
+    known: dict[str, Path] = {name: WORK / f"{name}.stl" for name in MADE_BY}
     for folder in (models, SAMPLES):
         for path in sorted(folder.iterdir()) if folder else []:
             if path.suffix.lower() in (".stl", ".3mf", ".obj"):
@@ -182,6 +219,9 @@ def _find_parts(models: Path | None, wanted: Sequence[str]) -> list[Path]:
     unknown = [name for name in names if name not in known]
     if unknown:
         sys.exit(f"no part {', '.join(unknown)}; known parts: {', '.join(known)}")
+    for name in names:
+        if name in MADE_BY and not known[name].exists():
+            run([sys.executable, *MADE_BY[name]], folder=SAMPLES.parent)
     return [_as_stl(known[name]) for name in names]
 
 
@@ -204,16 +244,22 @@ def _our_arguments(options: argparse.Namespace) -> list[str]:
     return ["--quality", options.quality, "--printer", options.printer, *changes]
 
 
-def _measure(model: Path, peers: Mapping[str, Sequence[str]], rounds: int, settings: Sequence[str]) -> Result:
+def _measure(model: Path, peers: Sequence[str], rounds: int, settings: Sequence[str]) -> Result:
     """Warm up every program, then run them in turn."""
     result = Result(model.stem)
-    outputs = {name: WORK / f"{model.stem}_{name}.gcode" for name in ("ours", *peers)}
+    outputs = {name: WORK / f"{model.stem}_{name.replace(' ', '_')}.gcode" for name in ("ours", *peers)}
     commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), *settings)}
     if not _warm_up(result, "ours", commands, outputs):
         return result
-    common = _matching_options(_read_settings(outputs["ours"]))
-    for name, changes in peers.items():
-        commands[name] = [PEER, "--export-gcode", str(model), "-o", str(outputs[name]), *common, *changes]
+    used = _read_settings(outputs["ours"])
+    common = _matching_options(used)
+    for name in peers:
+        if name == CURA:
+            words = _cura_options(outputs["ours"], used["quality.layer_height"])
+            commands[name] = [CURA, "slice", *words, "-l", str(model), "-o", str(outputs[name])]
+        else:
+            target = str(outputs[name])
+            commands[name] = [PEER, "--export-gcode", str(model), "-o", target, *common, *VARIANTS[name]]
         _warm_up(result, name, commands, outputs)
     try:
         costs = [{name: run(commands[name]) for name in result.facts} for _ in range(rounds)]
@@ -246,6 +292,19 @@ def _read_settings(gcode: Path) -> dict[str, str]:
         [sys.executable, "-c", _USED, str(gcode)], capture_output=True, text=True, check=True
     ).stdout
     return dict(found) | json.loads(said)
+
+
+def _cura_options(gcode: Path, layer_height: str) -> list[str]:
+    """Return the settings of one of our G-code files as arguments for CuraEngine; another process converts them."""
+    said = subprocess.run(
+        [sys.executable, "-c", _CURA_OPTIONS, str(gcode), layer_height],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=SAMPLES.parent,
+    ).stdout
+    words: list[str] = json.loads(said)
+    return words
 
 
 def _matching_options(settings: Mapping[str, str]) -> list[str]:
@@ -305,7 +364,7 @@ def _table(results: Sequence[Result], peer: str) -> str:
         lines = ["| part | CPU s | wall s | peak MiB | moves | filament m | layers |", "|---|" + "---:|" * 6]
         return "\n".join(lines + [_row_alone(result) for result in results if result.costs])
     lines = [
-        f"ours / {PEER}, its other settings {peer}; median [min..max] of pairwise ratios",
+        f"ours / {peer if peer == CURA else f'{PEER}, {peer}'}; median [min..max] of pairwise ratios",
         "",
         "| part | CPU s | CPU ratio | wall ratio | peak memory ratio | moves | filament m | layers |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",
@@ -356,11 +415,16 @@ def _print_target(results: Sequence[Result]) -> None:
             )
 
 
-def _find_peer_version() -> str:
-    """Return the version that PrusaSlicer reports."""
-    said = subprocess.run([PEER, "--help"], capture_output=True, text=True, check=False).stdout
-    found = re.search(r"PrusaSlicer-[\w.]+", said)
-    return found.group() if found else PEER
+def _find_peer_versions() -> Iterator[str]:
+    """Yield the installed peers with the versions that they report."""
+    for program, option, pattern in (
+        (PEER, "--help", r"PrusaSlicer-[\w.]+"),
+        (CURA, "help", r"version [\d.]+"),
+    ):
+        if shutil.which(program):
+            said = subprocess.run([program, option], capture_output=True, text=True, check=False)
+            found = re.search(pattern, said.stdout + said.stderr)
+            yield f"{program} {found[0].removeprefix('PrusaSlicer-') if found else '(unknown version)'}"
 
 
 if __name__ == "__main__":
