@@ -91,16 +91,16 @@ CPU_TARGET, PEAK_TARGET = 0.25, 1.5
 _USED = """
 import json, sys
 from pathlib import Path
-from printer_slicer.importing import import_profiles, profile_text
-from printer_slicer.profile import load_profile, settings_text
+from printer_slicer.importing import format_profile, import_profiles
+from printer_slicer.profile import list_settings, load_profile
 from tempfile import TemporaryDirectory
 with TemporaryDirectory() as folder:
     paths = {}
     for one in import_profiles(Path(sys.argv[1])):
         paths[one.kind] = Path(folder, one.kind + ".toml")
-        paths[one.kind].write_text(profile_text(one), encoding="utf-8")
+        paths[one.kind].write_text(format_profile(one), encoding="utf-8")
     used = load_profile(**{kind: str(path) for kind, path in paths.items()}).resolved
-print(json.dumps({key: str(value) for key, value in settings_text(used)}))
+print(json.dumps({key: str(value) for key, value in list_settings(used)}))
 """
 """Code that prints the settings of a G-code file as they are used, with the speeds of the printer."""
 

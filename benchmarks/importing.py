@@ -37,8 +37,8 @@ from printer_slicer.importing import (
     ImportedProfile,
     ImportRequest,
     RejectedProfile,
+    format_profile,
     import_profiles,
-    profile_text,
 )
 
 PART = Path(__file__).parent.parent / "sample_parts" / "box.stl"
@@ -215,7 +215,7 @@ def load_imported(made: Triple, folder: Path, **changes: object) -> Any:
     paths = {}
     for kind, one in made.items():
         paths[kind] = folder / f"{kind}.toml"
-        paths[kind].write_text(profile_text(one), encoding="utf-8")
+        paths[kind].write_text(format_profile(one), encoding="utf-8")
     printer, material, quality = (str(paths[kind]) for kind in ("printer", "material", "quality"))
     return load_profile(printer, material, quality, changes)
 

@@ -17,7 +17,7 @@ from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
-from printer_slicer.profile.object_profiles import list_overridden_objects, profile_for_object
+from printer_slicer.profile.object_profiles import list_overridden_objects, make_profile_for_object
 from printer_slicer.slicing import cut
 from printer_slicer.values import replace
 
@@ -55,7 +55,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     _check_names(overridden, object_names)
     _require_known_facets(part)
     own = [
-        profile_for_object(profile, tuple(name for name in overridden if name in names))
+        make_profile_for_object(profile, tuple(name for name in overridden if name in names))
         for names in object_names
     ]
     return [_extract_objects(part, [item]) for item in part.objects] or [part], list(plan), own
@@ -69,13 +69,14 @@ def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile
     object_names = _list_object_names(part)
     _check_names(overridden, object_names)
     if len(object_names) == 1:
-        return [(part, profile_for_object(profile, object_names[0]))]
+        return [(part, make_profile_for_object(profile, object_names[0]))]
     _require_known_facets(part)
     own: dict[tuple[str, ...], list[PlateObject]] = {}
     for item, names in zip(part.objects, object_names, strict=True):
         own.setdefault(tuple(name for name in overridden if name in names), []).append(item)
     return [
-        (_extract_objects(part, items), profile_for_object(profile, names)) for names, items in own.items()
+        (_extract_objects(part, items), make_profile_for_object(profile, names))
+        for names, items in own.items()
     ]
 
 

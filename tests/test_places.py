@@ -343,10 +343,10 @@ def test_a_spiral_has_no_places_of_its_own() -> None:
 def test_overrides_are_written_as_text_and_read_back() -> None:
     text = "lid:infill_density=0.4; 5:10:speeds.internal_infill=40; lid:1:2.5:ironing=true"
     profile = attempt(text)
-    from printer_slicer.profile import settings_text
+    from printer_slicer.profile import list_settings
 
-    assert dict(settings_text(profile))["quality.overrides"] == text
-    assert attempt(str(dict(settings_text(profile))["quality.overrides"])) == profile
+    assert dict(list_settings(profile))["quality.overrides"] == text
+    assert attempt(str(dict(list_settings(profile))["quality.overrides"])) == profile
 
 
 @pytest.mark.parametrize("name", ["lid", "part"])

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Sequence
 
 from printer_slicer.cli.inputs import resolve_inputs
-from printer_slicer.cli.output import colourize, lost_output_error, sanitize, survive_closed_streams
+from printer_slicer.cli.output import colourize, get_lost_output_error, sanitize, survive_closed_streams
 from printer_slicer.cli.parser import COMMANDS, build_parser
 from printer_slicer.errors import PrinterSlicerError
 
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             code = _run_command(parser, argv)
         finally:  # also after --help
             sys.stdout.flush()
-            if lost := lost_output_error():
+            if lost := get_lost_output_error():
                 raise lost
     except OSError as error:
         failed = _report_output_error(error)

@@ -428,9 +428,9 @@ _PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
 @cache
 def _read_setting_meanings() -> Mapping[str, tuple[str, str]]:
     """Return setting -> (meaning, choices); keys of the optimal planner's settings do not contain its name."""
-    from printer_slicer.profile.tables import settings_table
+    from printer_slicer.profile.tables import list_setting_definitions
 
-    rows = [row for row in settings_table() if "[" not in row.key or "[optimal]" in row.key]
+    rows = [row for row in list_setting_definitions() if "[" not in row.key or "[optimal]" in row.key]
     return {row.key.replace("[optimal]", ""): (row.meaning, row.choices) for row in rows}
 
 

@@ -19,15 +19,15 @@ from printer_slicer.texts import format_duration, format_significant
 from printer_slicer.values import as_dict
 
 __all__ = [
-    "certificate_facts",
-    "certificate_sentences",
+    "collect_certificate_facts",
+    "collect_slicing_facts",
+    "find_largest_flat_error",
+    "format_certificate_sentences",
+    "format_repair_sentences",
     "format_runs",
-    "largest_flat_error",
-    "repair_facts",
-    "repair_sentences",
-    "slicing_facts",
-    "slicing_sentences",
-    "violation_sentences",
+    "format_slicing_sentences",
+    "format_violation_sentences",
+    "list_repair_facts",
 ]
 
 _LOST_SHARE = 0.002  # smallest share of the part's volume whose loss is reported
@@ -37,7 +37,7 @@ _MOST_RUNS = 6  # runs of equal layers shown per plan
 _MOST_PLACES = 10  # positions listed per fault or repair
 
 
-def slicing_facts(
+def collect_slicing_facts(
     stages: Stages, profile: Profile, seconds: float, certificate: Certificate
 ) -> dict[str, Any]:
     """Return the results of slicing for JSON; positions are those after scaling and rotating, not those on the bed.
@@ -54,25 +54,25 @@ def slicing_facts(
         "layers": plan.n_layers,
         "planner": plan.planner,
         "heights": [[count, height] for count, height in plan.runs()],
-        "raft": _raft_facts(stages),
+        "raft": _collect_raft_facts(stages),
         "seconds": round(seconds, 3),
         "filament_mm": round(program.filament_used, 3),
         "filament_g": round(program.filament_used * area / 1000 * profile.material.density, 3),
         "moves": program.n_moves,
         "link": as_dict(stages.link) if stages.link else None,
-        "volume_mm3": round(_part_volume(stages, certificate), 3),
+        "volume_mm3": round(_compute_part_volume(stages, certificate), 3),
         "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
         "empty_layers": plan.n_layers - len(_find_filled_layers(stages)),
         "begins_at": _find_lowest_extrusion(stages),
-        **_adhesion_facts(stages, profile),
-        "faults": {} if stages.repairs.sound else _mesh_fault_facts(stages.part, stages.shift),
+        **_collect_adhesion_facts(stages, profile),
+        "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
-        "repairs": repair_facts(stages.repairs),
-        "certificate": certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
+        "repairs": list_repair_facts(stages.repairs),
+        "certificate": collect_certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
     }
 
 
-def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
+def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
     """Return how much of the requested skirt and brim was left out, for JSON."""
     paths, program, quality = stages.toolpaths, stages.program, profile.quality
     loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
@@ -87,7 +87,7 @@ def _adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
     }
 
 
-def _raft_facts(stages: Stages) -> dict[str, Any] | None:
+def _collect_raft_facts(stages: Stages) -> dict[str, Any] | None:
     """Return the layer heights of the raft and its gap to the part, for JSON; None without a raft."""
     plan, printed = stages.sections.plan, stages.program.plan
     n_below = printed.n_layers - plan.n_layers
@@ -110,7 +110,7 @@ def _find_lowest_extrusion(stages: Stages) -> float:
     return round(float(stages.sections.plan.bottom[filled[0]]), 4) if len(filled) else 0.0
 
 
-def _mesh_fault_facts(part: Mesh, shift: Float) -> dict[str, Any]:
+def _collect_mesh_fault_facts(part: Mesh, shift: Float) -> dict[str, Any]:
     """Return the number and the first positions of open, flipped and crowded edges of a mesh, for JSON."""
     faults = find_mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
@@ -130,18 +130,18 @@ def _format_time_and_filament(facts: dict[str, Any]) -> str:
     )
 
 
-def slicing_sentences(facts: dict[str, Any]) -> list[str]:
+def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the results of slicing as sentences: first layers, time and filament, then warnings.
 
     Args:
-        facts: the result of `slicing_facts`.
+        facts: the result of `collect_slicing_facts`.
     """
     lines = [
         f"{facts['layers']} layers ({format_runs(facts['heights'])})" + _format_raft(facts["raft"]),
         _format_time_and_filament(facts),
     ]
-    first = certificate_sentences(facts["certificate"])[0]
-    lines += [first, *violation_sentences(facts["certificate"])]
+    first = format_certificate_sentences(facts["certificate"])[0]
+    lines += [first, *format_violation_sentences(facts["certificate"])]
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty: the part is narrower than one extrusion there")
@@ -149,8 +149,8 @@ def slicing_sentences(facts: dict[str, Any]) -> list[str]:
         lines.append(
             f"The part does not touch the bed: its first extrusion starts at z {facts['begins_at']:g}"
         )
-    lines += _link_sentences(facts["link"])
-    lines += _skirt_sentences(facts)
+    lines += _format_link_sentences(facts["link"])
+    lines += _format_skirt_sentences(facts)
     if facts["brim_left_out"]:
         where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
         lines.append(f"No brim was made: the first layer has no {where}")
@@ -158,10 +158,10 @@ def slicing_sentences(facts: dict[str, Any]) -> list[str]:
         lines.append(
             f"{format_significant(facts['lost_mm3'])} mm³ of the part are narrower than one extrusion and stay empty"
         )
-    return lines + repair_sentences(facts["repairs"]) + _mesh_fault_sentences(facts)
+    return lines + format_repair_sentences(facts["repairs"]) + _format_mesh_fault_sentences(facts)
 
 
-def _link_sentences(link: dict[str, Any] | None) -> list[str]:
+def _format_link_sentences(link: dict[str, Any] | None) -> list[str]:
     """Format how moves were changed so that the serial link can carry the G-code lines in time."""
     if not link or not link["layers"]:
         return []
@@ -179,7 +179,7 @@ def _link_sentences(link: dict[str, Any] | None) -> list[str]:
     return [f"{where} exceeded {rate}: {cost}", *still]
 
 
-def _part_volume(stages: Stages, certificate: Certificate) -> float:
+def _compute_part_volume(stages: Stages, certificate: Certificate) -> float:
     """Return the volume of the part in mm³: from its facets, or from its sections if it is open or its bodies overlap.
 
     Only in these two cases do the volumes differ by more than the volume error of the layers.
@@ -198,7 +198,7 @@ def _format_raft(raft: dict[str, Any] | None) -> str:
     return f" on a raft of {sum(heights):g} mm ({len(heights)} layers) with a gap of {raft['gap_mm']:g} mm"
 
 
-def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
+def _format_skirt_sentences(facts: dict[str, Any]) -> list[str]:
     """Format which loops or length of the skirt or draft shield are missing."""
     if facts["skirt_left_out"]:
         return [
@@ -214,7 +214,7 @@ def _skirt_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
+def list_repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
     """Return the repairs of a mesh for JSON; lengths and positions in mm, after scaling and rotating."""
     return [
         {
@@ -228,11 +228,11 @@ def repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
     ]
 
 
-def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
+def format_repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
     """Format the repairs of a mesh as sentences.
 
     Args:
-        facts: the result of `repair_facts`.
+        facts: the result of `list_repair_facts`.
     """
     lines = []
     for fact in facts:
@@ -244,7 +244,7 @@ def repair_sentences(facts: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
-def _mesh_fault_sentences(facts: dict[str, Any]) -> list[str]:
+def _format_mesh_fault_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the faults of the mesh as sentences, each with its first position."""
     meaning = {
         "open": "The mesh is not closed: {} edges belong to only one facet",
@@ -258,7 +258,7 @@ def _mesh_fault_sentences(facts: dict[str, Any]) -> list[str]:
     return lines
 
 
-def largest_flat_error(flats: Float, plan: LayerPlan) -> float:
+def find_largest_flat_error(flats: Float, plan: LayerPlan) -> float:
     """Return the largest distance between a flat surface and the layer boundary nearest to it, in mm.
 
     Args:
@@ -269,7 +269,7 @@ def largest_flat_error(flats: Float, plan: LayerPlan) -> float:
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
 
-def certificate_facts(
+def collect_certificate_facts(
     certificate: Certificate, part: Mesh, profile: Profile, shift: Float, seconds: float
 ) -> dict[str, Any]:
     """Return the certificate of a layer plan for JSON.
@@ -297,7 +297,7 @@ def certificate_facts(
         "volume_error_ratio": round(certificate.volume_error / max(part.volume, 1e-9), 6),
         "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
         "flats": len(flats),
-        "flat_error_mm": round(largest_flat_error(flats, plan), 6),
+        "flat_error_mm": round(find_largest_flat_error(flats, plan), 6),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
         | {"layer": worst.layer, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
         "over_tolerance": [
@@ -314,11 +314,11 @@ def certificate_facts(
             }
             for violation in find_violations(part, certificate, profile)
         ]
-        + _budget_facts(profile, plan, seconds),
+        + _list_budget_violations(profile, plan, seconds),
     }
 
 
-def _budget_facts(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
+def _list_budget_violations(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
     """Return the time budget as a violated rule, if the moves take longer than it."""
     budget = profile.dials.time_budget
     if not 0 < budget < seconds:
@@ -337,11 +337,11 @@ _DEVIATION_PLACES = {
 }
 
 
-def certificate_sentences(facts: dict[str, Any]) -> list[str]:
+def format_certificate_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the certificate of a plan as sentences; the first one is the bound of the deviation.
 
     Args:
-        facts: the result of `certificate_facts`.
+        facts: the result of `collect_certificate_facts`.
     """
     worst = facts["worst"]
     side = {"mid": "", "positive": " (excess material only)", "negative": " (missing material only)"}
@@ -365,7 +365,7 @@ def certificate_sentences(facts: dict[str, Any]) -> list[str]:
             f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than a layer; they print too small "
             f"or not at all; most of them are near z {thin['z']:g}"
         )
-    return lines + violation_sentences(facts)
+    return lines + format_violation_sentences(facts)
 
 
 _VIOLATION_TEXTS = {
@@ -378,11 +378,11 @@ _VIOLATION_TEXTS = {
 }
 
 
-def violation_sentences(facts: dict[str, Any]) -> list[str]:
+def format_violation_sentences(facts: dict[str, Any]) -> list[str]:
     """Format the rules that the plan violates as sentences.
 
     Args:
-        facts: the result of `certificate_facts`.
+        facts: the result of `collect_certificate_facts`.
     """
     wanted = "" if facts["ranges"] else f" of {facts['tolerance_mm']:g} mm"
     budgets = [one for one in facts["violations"] if one["rule"] == "time_budget"]

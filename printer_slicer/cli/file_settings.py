@@ -46,9 +46,9 @@ def read_loaded_files(arguments: argparse.Namespace, names: dict[str, Any]) -> F
     files: Sequence[Path] = getattr(arguments, "load", ())
     for path in files:
         if path.suffix == ".toml":
-            from printer_slicer.profile.reading import kind_of
+            from printer_slicer.profile.reading import find_profile_kind
 
-            kind = kind_of(str(path.absolute()))
+            kind = find_profile_kind(str(path.absolute()))
             names[kind] = names[kind] or str(path)
             continue
         values |= _import_file(path)
@@ -102,7 +102,7 @@ def read_gcode_settings(path: Path, folders: Sequence[Path] = ()) -> FileSetting
     Raises:
         UsageError: the file is a pipe.
     """
-    from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
+    from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, read_settings_from_gcode
 
     if path.is_fifo():  # it can be read only once
         raise UsageError(
@@ -111,7 +111,7 @@ def read_gcode_settings(path: Path, folders: Sequence[Path] = ()) -> FileSetting
         )
     try:
         found = (
-            FileSettings(settings_in_gcode(path), ())
+            FileSettings(read_settings_from_gcode(path), ())
             if is_printer_slicer_gcode(path)
             else _read_other_slicer_settings(path)
         )
@@ -140,7 +140,7 @@ def _read_other_slicer_settings(path: Path) -> FileSettings | None:
 
 def _find_named_machine(path: Path, folders: Sequence[Path]) -> FileSettings:
     """Return the printer profile of the machine that a file names; if there is no such profile, only the name."""
-    from printer_slicer.profile import load_profile, settings_of
+    from printer_slicer.profile import load_profile, settings_as_dict
 
     try:
         with path.open("rb") as file:
@@ -154,16 +154,16 @@ def _find_named_machine(path: Path, folders: Sequence[Path]) -> FileSettings:
     if not profile:
         return FileSettings({}, (), name)
     return FileSettings(
-        {"printer": settings_of(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
+        {"printer": settings_as_dict(load_profile(profile, slices=False, folders=folders))["printer"]}, ()
     )
 
 
 def find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
     """Return the name that selects the profile with a given display name; empty if there is no such profile."""
-    from printer_slicer.profile import profile_paths
-    from printer_slicer.profile.finding import display_name
+    from printer_slicer.profile import find_profile_paths
+    from printer_slicer.profile.finding import read_display_name
 
-    for typed, path in profile_paths(kind, folders).items():
-        if display_name(path) == name:
+    for typed, path in find_profile_paths(kind, folders).items():
+        if read_display_name(path) == name:
             return typed
     return ""

@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_policy",
-    "disallowed_error_sentences",
-    "disallowed_errors",
-    "finding_facts",
+    "choose_profile_arguments",
+    "format_disallowed_errors",
     "format_errors",
+    "format_job_repair_sentences",
+    "format_note_sentences",
     "format_notes",
-    "job_from",
-    "job_repair_facts",
-    "job_repair_sentences",
+    "list_disallowed_errors",
+    "list_finding_facts",
+    "list_job_repair_facts",
     "make_command_check",
     "make_console_check",
-    "note_sentences",
-    "profile_options",
+    "make_job",
     "require_no_errors",
 ]
 
@@ -55,8 +55,8 @@ def _has_gcode(arguments: argparse.Namespace) -> bool:
     return any(map(is_gcode, arguments.models))
 
 
-def profile_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the arguments of `profile_from` that depend on whether models or G-code are given.
+def choose_profile_arguments(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the arguments of `load_selected_profile` that depend on whether models or G-code are given.
 
     Raises:
         UsageError: options that only models need are given with G-code, or several files.
@@ -69,7 +69,7 @@ def profile_options(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def job_from(
+def make_job(
     arguments: argparse.Namespace, profile: Profile, report: StageReport
 ) -> tuple[Job, dict[str, Any]]:
     """Make the job from the files of a command line; return it, and facts about its models for JSON."""
@@ -84,25 +84,25 @@ def job_from(
     profile, plate = apply_projects(arguments, profile, mesh, plate)
     name = format_model_names(arguments.models)
     job = job_of(mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict)
-    return job, plate.facts()
+    return job, plate.collect_facts()
 
 
-def job_repair_facts(job: Job) -> list[dict[str, Any]]:
+def list_job_repair_facts(job: Job) -> list[dict[str, Any]]:
     """Return the repairs of a job's part for JSON; the module for them is imported only if there are any."""
     if job.repairs is None or not job.repairs.count:
         return []
-    from printer_slicer.cli.facts import repair_facts
+    from printer_slicer.cli.facts import list_repair_facts
 
-    return repair_facts(job.repairs)
+    return list_repair_facts(job.repairs)
 
 
-def job_repair_sentences(job: Job) -> list[str]:
+def format_job_repair_sentences(job: Job) -> list[str]:
     """Return the repairs of a job's part as sentences."""
     if job.repairs is None or not job.repairs.count:
         return []
-    from printer_slicer.cli.facts import repair_sentences
+    from printer_slicer.cli.facts import format_repair_sentences
 
-    return repair_sentences(job_repair_facts(job))
+    return format_repair_sentences(list_job_repair_facts(job))
 
 
 def check_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not printed") -> Job:
@@ -122,32 +122,32 @@ def check_policy(arguments: argparse.Namespace, job: Job, refusal: str = "not pr
     """
     job = job.allowing(arguments.allow)
     if arguments.json and job.findings:
-        print(json.dumps({"event": "findings", "findings": finding_facts(job)}), flush=True)
+        print(json.dumps({"event": "findings", "findings": list_finding_facts(job)}), flush=True)
     if not (arguments.json or arguments.quiet):
-        for note in note_sentences(arguments, job):
+        for note in format_note_sentences(arguments, job):
             print(sanitize(f"printer-slicer: warning: {note}"), file=sys.stderr)
-        for line in format_errors(arguments, disallowed_error_sentences(job)):
+        for line in format_errors(arguments, format_disallowed_errors(job)):
             print_text(arguments, line)
     raise_on_errors(job.findings, job.allowed, name=job.name, refusal=refusal)
     return job
 
 
-def disallowed_error_sentences(job: Job) -> list[str]:
+def format_disallowed_errors(job: Job) -> list[str]:
     """Return a sentence for each error of a job that is not allowed."""
-    return [sentence(one) for one in disallowed_errors(job)]
+    return [sentence(one) for one in list_disallowed_errors(job)]
 
 
-def disallowed_errors(job: Job) -> list[Diagnostic]:
+def list_disallowed_errors(job: Job) -> list[Diagnostic]:
     """Return the errors of a job that are not allowed."""
     return [one for one in job.findings if one.is_error and one.code not in job.allowed]
 
 
-def finding_facts(job: Job) -> list[dict[str, Any]]:
+def list_finding_facts(job: Job) -> list[dict[str, Any]]:
     """Return all findings of a job for JSON."""
     return [as_json(one) | {"allowed": one.code in job.allowed} for one in job.findings]
 
 
-def note_sentences(arguments: argparse.Namespace, job: Job) -> list[str]:
+def format_note_sentences(arguments: argparse.Namespace, job: Job) -> list[str]:
     """Return a sentence for each finding that does not prevent printing; only the first few without --verbose."""
     shown = [one for one in job.findings if not one.is_error or one.code in job.allowed]
     most = len(shown) if arguments.verbose else _MOST_SHOWN
@@ -157,7 +157,7 @@ def note_sentences(arguments: argparse.Namespace, job: Job) -> list[str]:
 
 def format_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
     """Format the findings that do not prevent printing as lines of the output."""
-    return [f"note        {note}" for note in note_sentences(arguments, job)]
+    return [f"note        {note}" for note in format_note_sentences(arguments, job)]
 
 
 def format_errors(arguments: argparse.Namespace, errors: Sequence[str]) -> list[str]:
@@ -173,7 +173,7 @@ def require_no_errors(job: Job) -> None:
     Raises:
         VerificationError: the job has such errors.
     """
-    if wrong := disallowed_errors(job):
+    if wrong := list_disallowed_errors(job):
         raise VerificationError(
             f"{job.name}: {format_first_error(list(map(sentence, wrong)))}", remedy=format_remedies(wrong)
         )

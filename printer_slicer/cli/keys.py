@@ -65,10 +65,10 @@ class Keyboard:
             self._tell("G-code, then Enter:")
         elif key == "?":
             self._tell(HELP)
-        elif (line := self._command_of_key(key)) is not None:
+        elif (line := self._find_command_of_key(key)) is not None:
             self._send_command(line)
 
-    def _command_of_key(self, key: str) -> str | None:
+    def _find_command_of_key(self, key: str) -> str | None:
         """Return the command that a key stands for; None if it stands for none."""
         if key.isdecimal() and key.isascii():
             return f"answer {key}"

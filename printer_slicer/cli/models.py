@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from printer_slicer.cli.output import sanitize, warn
-from printer_slicer.cli.settings import changes_from
+from printer_slicer.cli.settings import collect_changes
 from printer_slicer.errors import PartError
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
-from printer_slicer.profile import profile_with, settings_of
+from printer_slicer.profile import profile_with, settings_as_dict
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Plate(Struct, frozen=True, eq=False):
     warnings: tuple[str, ...]
     models: tuple[dict[str, Any], ...]
 
-    def facts(self) -> dict[str, Any]:
+    def collect_facts(self) -> dict[str, Any]:
         """Return the facts for JSON."""
         return {"models": list(self.models), "warnings": list(self.warnings)}
 
@@ -87,10 +87,10 @@ def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageRep
         unit_warning = model.size_warning(room) if factors is None and arguments.units is None else ""
         # A part that does not fit the bed is rejected when it is placed, with the same advice.
         warnings += [unit_warning] if unit_warning and (mesh.size <= room).all() else []
-        models.append(_model_facts(model))
+        models.append(_collect_model_facts(model))
         meshes.append(mesh)
     placement = _make_placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _floating_part_warnings(arguments.models, meshes, placement)
+    warnings += _list_floating_part_warnings(arguments.models, meshes, placement)
     if not arguments.fuse:
         _reject_overlapping_files(arguments.models, meshes)
         _reject_overlapping_objects(models, meshes)
@@ -149,7 +149,7 @@ def _make_progress_callback(report: StageReport, path: Path) -> Any:
     return progress
 
 
-def _model_facts(model: Model) -> dict[str, Any]:
+def _collect_model_facts(model: Model) -> dict[str, Any]:
     """Return the facts about a model file for JSON."""
     return {
         "file": str(model.path),
@@ -160,7 +160,9 @@ def _model_facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _floating_part_warnings(paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement) -> list[str]:
+def _list_floating_part_warnings(
+    paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement
+) -> list[str]:
     """Return a warning for each file whose part does not touch the bed."""
     bottoms = [float(mesh.bounds[0, 2]) for mesh in meshes]
     bed = min(bottoms) if placement.drop else 0.0
@@ -302,7 +304,7 @@ def _collect_project_changes(
     arguments: argparse.Namespace, profile: Profile, projects: Mapping[Path, Project]
 ) -> tuple[dict[str, object], list[str]]:
     """Return the settings that the projects change, and warnings about settings that are not used."""
-    typed = changes_from(arguments)
+    typed = collect_changes(arguments)
     changes: dict[str, object] = {}
     unused: list[str] = []
     tables: list[Mapping[str, Any]] = []
@@ -322,6 +324,6 @@ def _collect_project_changes(
             else:
                 changes |= {"quality.planner.kind": "uniform", "quality.layer_height": height}
     if tables:
-        own = settings_of(profile)["quality"].get("overrides", [])
+        own = settings_as_dict(profile)["quality"].get("overrides", [])
         changes["quality.overrides"] = [*tables, *own]
     return changes, unused

@@ -28,8 +28,8 @@ __all__ = [
     "StageReport",
     "check_outputs",
     "colourize",
+    "get_lost_output_error",
     "hide_stdin_folder",
-    "lost_output_error",
     "print_text",
     "reject_overwriting_input",
     "sanitize",
@@ -303,7 +303,7 @@ class _ResilientStream(io.RawIOBase):
             return size
 
 
-def lost_output_error() -> OSError | None:
+def get_lost_output_error() -> OSError | None:
     """Return the error that caused a loss of output to stdout, such as a full disk; None if nothing was lost."""
     buffer = getattr(sys.stdout, "buffer", None)
     raw = getattr(buffer, "raw", buffer)

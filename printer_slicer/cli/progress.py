@@ -37,10 +37,10 @@ from printer_slicer.values import as_dict
 if TYPE_CHECKING:
     from printer_slicer.printing import Controls, PrintResult
 
-__all__ = ["print_with_progress", "show_progress"]
+__all__ = ["ProgressDisplay", "print_with_progress"]
 
 
-class show_progress:  # noqa: N801 - used like a function
+class ProgressDisplay:
     """Shows the events of a print: on a progress bar, as JSON lines, or as plain lines without a terminal.
 
     Args:
@@ -88,7 +88,7 @@ class show_progress:  # noqa: N801 - used like a function
         task = bar.add_task("printing", total=len(self._job.commands))
         bar.start()
         self._close = bar.stop
-        last = self._last_layer()
+        last = self._find_last_layer()
 
         def update(done: int) -> None:
             """Update the bar."""
@@ -115,12 +115,12 @@ class show_progress:  # noqa: N801 - used like a function
 
     def _describe_position(self) -> str:
         """Describe the current position in the job: commands and layers."""
-        layer, last = self._job.layer_of(self._done), self._last_layer()
+        layer, last = self._job.layer_of(self._done), self._find_last_layer()
         return f"{self._done} of {len(self._job.commands)} commands" + (
             f", layer {layer} of {last}" if layer else ""
         )
 
-    def _last_layer(self) -> int:
+    def _find_last_layer(self) -> int:
         """Return the number of the last layer; 0 if it is unknown."""
         return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
@@ -158,7 +158,7 @@ def print_with_progress(
 
     controls = Controls()
     with (
-        show_progress(arguments, job, events=True, shares=True) as tell,
+        ProgressDisplay(arguments, job, events=True, shares=True) as tell,
         _enable_keys(arguments, controls),
     ):
         done = start_print(

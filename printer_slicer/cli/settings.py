@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
 __all__ = [
-    "changes_from",
     "check_profile_folders",
+    "collect_changes",
+    "collect_profile_facts",
     "find_folder_for_new_profiles",
+    "load_selected_profile",
     "prepare_schema_folder",
     "print_translations",
-    "profile_facts",
-    "profile_from",
     "write_schemas",
 ]
 
@@ -44,13 +44,13 @@ _MOST_CHANGES: Final = 4  # changes of a profile that the first line names
 """Comment with the name of the machine: in files of Cura, of FlashPrint, and of PrusaSlicer and its forks."""
 
 
-def profile_from(
+def load_selected_profile(
     arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
 ) -> Profile:
     """Load the profile that the command line selects and changes, and print the names and sources of its parts.
 
     Args:
-        arguments: the command line; `profile_facts` returns the sources of the profile afterwards.
+        arguments: the command line; `collect_profile_facts` returns the sources of the profile afterwards.
         slices: whether a part is sliced with the profile; if not, the quality need not fit the printer.
         gcode: a file whose machine, material and quality are used unless the command line names others.
         tell: whether to print names and sources.
@@ -58,19 +58,19 @@ def profile_from(
     Raises:
         UsageError: a name or a setting does not exist, or a value is out of bounds.
     """
-    from printer_slicer.profile import load_profile, profile_over
+    from printer_slicer.profile import complete_profile, load_profile
 
     names: dict[str, Any] = {
         kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
     }
     folders = check_profile_folders(arguments)
     own = read_loaded_files(arguments, names) if gcode is None else read_gcode_settings(gcode, folders)
-    changes = changes_from(arguments)
+    changes = collect_changes(arguments)
     try:
         if gcode is None and not own.values:
             profile = load_profile(**names, changes=changes, slices=slices, folders=folders)
         else:
-            profile = profile_over(own.values, names, changes, folders, slices=slices and gcode is None)
+            profile = complete_profile(own.values, names, changes, folders, slices=slices and gcode is None)
     except ProfileError as error:
         raise _name_options(error, arguments) from None
     if gcode is not None or not hasattr(arguments, "quality"):
@@ -106,7 +106,7 @@ def _name_options(error: ProfileError, arguments: argparse.Namespace) -> Profile
 
 def _list_typed_changes(arguments: argparse.Namespace) -> Iterator[tuple[str, str]]:
     """Yield each option that changes a setting as it was typed, and the change `KEY=VALUE` that it makes."""
-    translated = {change: typed for typed, _, changes in _translations(arguments) for change in changes}
+    translated = {change: typed for typed, _, changes in _get_translations(arguments) for change in changes}
     for change in arguments.set:
         yield f"--set {translated.get(change, change)}", change
     for flag, option in SETTING_OPTIONS.items():
@@ -124,10 +124,10 @@ def _reject_quality_settings(arguments: argparse.Namespace, gcode: Path | None) 
     Raises:
         UsageError: a setting that only slicing uses is changed.
     """
-    from printer_slicer.profile.keys import section_of_setting
+    from printer_slicer.profile.keys import find_section
 
     for option, change in _list_typed_changes(arguments):
-        if option.startswith("--set") and section_of_setting(change.partition("=")[0].strip()) == "quality":
+        if option.startswith("--set") and find_section(change.partition("=")[0].strip()) == "quality":
             raise UsageError(
                 f"{gcode}: {option} does not apply to G-code, which is already sliced"
                 if gcode
@@ -187,7 +187,7 @@ def _format_origin(sources: dict[str, Any]) -> str:
     return str(sources["from"]) + (f": the file names '{named}', which has no profile" if named else "")
 
 
-def profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
+def collect_profile_facts(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return printer, material and quality of a command with their sources, for JSON."""
     facts: dict[str, Any] = getattr(arguments, "profile_facts", {})
     return facts
@@ -209,7 +209,7 @@ def check_profile_folders(arguments: argparse.Namespace) -> Sequence[Path]:
     return folders
 
 
-def changes_from(arguments: argparse.Namespace) -> dict[str, object]:
+def collect_changes(arguments: argparse.Namespace) -> dict[str, object]:
     """Return the settings that --set and other options change.
 
     Raises:
@@ -257,7 +257,7 @@ def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
             continue
         changes = [f"{ours}={_format_value(value)}" for ours, value in one.changes.items()]
         result += changes
-        _translations(arguments).append((change, one, changes))
+        _get_translations(arguments).append((change, one, changes))
     arguments.set = result
 
 
@@ -294,7 +294,7 @@ def _translate_overrides(arguments: argparse.Namespace) -> None:
             ]
             rules: list[str] = getattr(arguments, option)
             rules[rules.index(rule) : rules.index(rule) + 1] = made
-            _translations(arguments).append((rule, found, made))
+            _get_translations(arguments).append((rule, found, made))
 
 
 def _translate_settings(
@@ -311,9 +311,9 @@ def _translate_settings(
         ProfileError: a setting of another slicer has no counterpart, or a name is ambiguous.
     """
     from printer_slicer.profile.keys import is_setting
-    from printer_slicer.profile.tables import takes_form
+    from printer_slicer.profile.tables import accepts_form
 
-    if all(is_setting(key) and takes_form(key, value) for key, value in given):
+    if all(is_setting(key) and accepts_form(key, value) for key, value in given):
         return [None] * len(given)  # without the modules that convert profiles
     from printer_slicer.importing.familiar import translate_settings
 
@@ -334,7 +334,7 @@ def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> P
         arguments: the command line.
         own: settings of this program that the command line changes.
     """
-    from printer_slicer.profile import profile_over
+    from printer_slicer.profile import complete_profile
 
     names = {kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")}
     folders = check_profile_folders(arguments)
@@ -342,11 +342,11 @@ def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> P
     options = _collect_option_changes(arguments)
     around = {key: value for key, value in options.items() if not key.endswith("+")}
     with suppress(ProfileError):  # reported when all settings are applied
-        return profile_over(loaded, names, {**around, **own}, folders)
-    return profile_over(loaded, names, {}, folders)
+        return complete_profile(loaded, names, {**around, **own}, folders)
+    return complete_profile(loaded, names, {}, folders)
 
 
-def _translations(arguments: argparse.Namespace) -> list[tuple[str, FamiliarSetting, list[str]]]:
+def _get_translations(arguments: argparse.Namespace) -> list[tuple[str, FamiliarSetting, list[str]]]:
     """Return the settings of other slicers on a command line: as typed, what they mean, the changes they became."""
     if not hasattr(arguments, "translations"):
         arguments.translations = []
@@ -356,7 +356,7 @@ def _translations(arguments: argparse.Namespace) -> list[tuple[str, FamiliarSett
 
 def print_translations(arguments: argparse.Namespace) -> None:
     """Print what the settings of other slicers became, once they are known to be valid."""
-    for _, setting, changes in [] if arguments.quiet else _translations(arguments):
+    for _, setting, changes in [] if arguments.quiet else _get_translations(arguments):
         if changes or setting.notes:
             print(sanitize(_describe_translation(setting, changes)), file=sys.stderr)
     arguments.translations = []
@@ -364,9 +364,9 @@ def print_translations(arguments: argparse.Namespace) -> None:
 
 def _format_value(value: object) -> str:
     """Format the value of a setting as it is typed."""
-    from printer_slicer.profile.lists import list_as_text
+    from printer_slicer.profile.lists import format_list
 
-    return list_as_text(value) if isinstance(value, list | tuple) else str(value)
+    return format_list(value) if isinstance(value, list | tuple) else str(value)
 
 
 def _find_flavour(firmware: str) -> str:
@@ -551,9 +551,9 @@ def _find_profile_sources(
 
 def _resolve_profile_name(kind: str, name: str, folders: Sequence[Path]) -> str:
     """Return the name of the profile that a typed name selects; a path is returned unchanged."""
-    from printer_slicer.profile.reading import path_of
+    from printer_slicer.profile.reading import find_profile_file
 
-    return name if name.endswith(".toml") or "/" in name else path_of(kind, name, folders).stem
+    return name if name.endswith(".toml") or "/" in name else find_profile_file(kind, name, folders).stem
 
 
 # Where new profiles go
@@ -570,9 +570,9 @@ def find_folder_for_new_profiles(named: Sequence[Path], what: str, remedy: str) 
     Raises:
         UsageError: there is no such folder.
     """
-    from printer_slicer.profile.folders import user_folders
+    from printer_slicer.profile.folders import find_user_folders
 
-    folders = [*named, *user_folders()]
+    folders = [*named, *find_user_folders()]
     if not folders:
         raise UsageError(f"{what}: there is no folder for your own profiles", remedy=remedy)
     return folders[0]
@@ -585,12 +585,12 @@ def write_schemas(folder: Path) -> list[Path]:
         OutputError: the folder cannot be created or written to.
     """
     from printer_slicer.profile import KINDS
-    from printer_slicer.profile.schema import schema_name, schema_text
+    from printer_slicer.profile.schema import format_schema, make_schema_name
 
     make_folder(folder)
-    paths = [folder / schema_name(kind) for kind in KINDS]
+    paths = [folder / make_schema_name(kind) for kind in KINDS]
     for kind, path in zip(KINDS, paths, strict=True):
-        write_file(path, schema_text(kind).encode())
+        write_file(path, format_schema(kind).encode())
     return paths
 
 
@@ -600,9 +600,9 @@ def prepare_schema_folder(root: Path | None) -> Path | None:
     Args:
         root: the folder of the user's own profiles; None: profiles refer to the shipped schemas.
     """
-    from printer_slicer.profile.folders import SCHEMAS, profile_root
+    from printer_slicer.profile.folders import SCHEMAS, find_shipped_profiles
 
     if root is None:
-        return profile_root() / SCHEMAS
+        return find_shipped_profiles() / SCHEMAS
     write_schemas(root / SCHEMAS)
     return None

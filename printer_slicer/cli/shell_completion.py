@@ -108,10 +108,10 @@ def _make_profile_completer(kind: str) -> _Completer:
 
     def complete_prefix(prefix: str) -> _Words:
         """Return the profiles that start with the prefix."""
-        from printer_slicer.profile import profile_paths
+        from printer_slicer.profile import find_profile_paths
         from printer_slicer.profile.inspection import read_headline
 
-        names = {name: read_headline(path) for name, path in profile_paths(kind).items()}
+        names = {name: read_headline(path) for name, path in find_profile_paths(kind).items()}
         return _filter_by_prefix(names, prefix) | dict.fromkeys(_complete_path(prefix, (".toml",)), "")
 
     return complete_prefix
@@ -142,10 +142,10 @@ def _complete_profiles_arguments(prefix: str, parsed_args: argparse.Namespace, *
 def _find_profile_kind(name: str) -> str:
     """Return the kind of a named profile; empty if there is no such profile."""
     from printer_slicer.errors import ProfileError
-    from printer_slicer.profile.reading import kind_of
+    from printer_slicer.profile.reading import find_profile_kind
 
     try:
-        return kind_of(name)
+        return find_profile_kind(name)
     except ProfileError:
         return ""
 
@@ -202,10 +202,10 @@ def _complete_override(where: str, begin: str, places: set[str]) -> dict[str, st
 
 def _read_setting_rows() -> Iterator[Any]:
     """Yield the rows of the table of settings, with keys as they are typed."""
-    from printer_slicer.profile.tables import settings_table
+    from printer_slicer.profile.tables import list_setting_definitions
 
     # A setting of a planner is typed without the planner's name: quality.planner.max_step.
-    for key, *others in settings_table():
+    for key, *others in list_setting_definitions():
         yield (_remove_planner_name(str(key)), *others)
 
 

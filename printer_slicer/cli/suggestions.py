@@ -187,24 +187,24 @@ def suggest_option(flag: str, known: Collection[str], arguments: Iterable[str] =
         arguments: names of the arguments that the command takes without an option, such as "MODEL|FILE.gcode".
     """
     word = flag.lower().replace("_", "-")
-    if (meant := _OPTIONS.get(word, "")) and _applies(meant, known):
+    if (meant := _OPTIONS.get(word, "")) and _has_suggested_option(meant, known):
         return f"Did you mean {meant}? "
     given = _ARGUMENTS.get(word, "")
     if given and any(given in argument.split("|") for argument in arguments):
         return f"Did you mean {given} without {flag}? "
-    if near := suggest(flag, _with_same_beginning(flag, known), _MIN_OPTION_SIMILARITY):
+    if near := suggest(flag, _filter_by_first_letter(flag, known), _MIN_OPTION_SIMILARITY):
         return near
     setting = f"--set {word.removeprefix('--').replace('-', '_')}"
-    return f"Did you mean {setting}=VALUE? " if _applies(setting, known) else ""
+    return f"Did you mean {setting}=VALUE? " if _has_suggested_option(setting, known) else ""
 
 
-def _with_same_beginning(flag: str, known: Iterable[str]) -> list[str]:
+def _filter_by_first_letter(flag: str, known: Iterable[str]) -> list[str]:
     """Return the options with the same first letter, since typing errors are rare in it: --arrange is not --range."""
     first = flag.lstrip("-")[:1]
     return [one for one in known if one.lstrip("-")[:1] == first]
 
 
-def _applies(meant: str, known: Collection[str]) -> bool:
+def _has_suggested_option(meant: str, known: Collection[str]) -> bool:
     """Return whether a command has an option, and if it is --set, whether it uses the setting."""
     option, _, rest = meant.partition(" ")
     if option.rstrip(",") not in known:
@@ -212,10 +212,10 @@ def _applies(meant: str, known: Collection[str]) -> bool:
     if option != "--set":
         return True
     from printer_slicer.importing.familiar import has_equivalent
-    from printer_slicer.importing.prusaslicer_names import setting_kind
-    from printer_slicer.profile.keys import is_setting, section_of_setting
+    from printer_slicer.importing.prusaslicer_names import find_setting_kind
+    from printer_slicer.profile.keys import find_section, is_setting
 
     name = rest.partition("=")[0]
     if not (is_setting(name) or has_equivalent(name)):
         return False
-    return "--quality" in known or (section_of_setting(name) or setting_kind(name)) != "quality"
+    return "--quality" in known or (find_section(name) or find_setting_kind(name)) != "quality"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.jobs import disallowed_errors, format_notes
+from printer_slicer.cli.jobs import format_notes, list_disallowed_errors
 from printer_slicer.cli.output import sanitize
-from printer_slicer.cli.progress import show_progress
+from printer_slicer.cli.progress import ProgressDisplay
 from printer_slicer.diagnostics import as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from printer_slicer.sim.simulated_firmware import SimulatedFirmware
 
 __all__ = [
+    "collect_verdict_facts",
+    "format_injected_faults",
     "format_verdict",
-    "injected_fault_facts",
-    "injected_fault_lines",
+    "list_injected_fault_facts",
     "read_faults",
     "require_printable",
     "select_firmware",
     "simulate_print",
-    "verdict_facts",
 ]
 
 _MAX_SHOWN_ERRORS: Final = 20
@@ -56,7 +56,7 @@ def simulate_print(
     chosen = getattr(arguments, "firmware", None)
     firmware = select_firmware(arguments, profile.printer) if chosen else None
     extruders, one_hotend = getattr(arguments, "extruders", None), getattr(arguments, "one_hotend", False)
-    with show_progress(arguments, job, events=events) as tell:
+    with ProgressDisplay(arguments, job, events=events) as tell:
         return dry_run(
             job,
             profile,
@@ -112,13 +112,13 @@ def read_faults(arguments: argparse.Namespace) -> Faults | None:
     return Faults(faults, Random(chosen))  # noqa: S311 - nothing secret
 
 
-def injected_fault_lines(faults: Faults | None) -> list[str]:
+def format_injected_faults(faults: Faults | None) -> list[str]:
     """Return the injected faults as lines of text."""
     injected = faults.events if faults else []
     return [f"{'injected':<12}{one.time:.1f} s, line {one.line}: {one.text}" for one in injected]
 
 
-def injected_fault_facts(faults: Faults | None) -> dict[str, Any]:
+def list_injected_fault_facts(faults: Faults | None) -> dict[str, Any]:
     """Return the injected faults for JSON."""
     return {"injected_faults": [one._asdict() for one in faults.events]} if faults else {}
 
@@ -157,7 +157,7 @@ def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[str]:
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
     said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
-    return [sentence(one) for one in disallowed_errors(job) if not said.get(one.code, set()) & kinds]
+    return [sentence(one) for one in list_disallowed_errors(job) if not said.get(one.code, set()) & kinds]
 
 
 def _count_errors(wrong: Sequence[str]) -> str:
@@ -232,14 +232,14 @@ def _join_wrapped(words: Sequence[str]) -> list[str]:
     return lines
 
 
-def _layer_heights(deposition: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _list_layer_heights(deposition: Deposition) -> np.ndarray[Any, np.dtype[np.float64]]:
     """Return the height of each layer, mm, bottom to top."""
     z = np.unique([round(layer.z, 3) for layer in deposition.layers if layer.number and layer.length > 0])
     return np.diff(z, prepend=0.0)
 
 
 def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
-    heights = _layer_heights(deposition)
+    heights = _list_layer_heights(deposition)
     if not len(heights):
         return "none"
     first, rest = float(heights[0]), heights[1:] if len(heights) > 1 else heights
@@ -252,14 +252,14 @@ def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
     return f"{summary}; slowest layer {slowest.number} takes {format_duration(slowest.seconds)}"
 
 
-def _filament_grams(verdict: Verdict, profile: Profile) -> float:
+def _compute_filament_grams(verdict: Verdict, profile: Profile) -> float:
     """Return the mass of the filament that was used, g."""
     area = pi * profile.material.filament_diameter**2 / 4
     return verdict.report.filament * area / 1000 * profile.material.density
 
 
 def _format_filament(verdict: Verdict, profile: Profile) -> str:
-    grams = _filament_grams(verdict, profile)
+    grams = _compute_filament_grams(verdict, profile)
     cost = f", cost {grams / 1000 * profile.material.cost:.2f}" if profile.material.cost else ""
     primed = " with priming" if verdict.primed else ""
     return f"{verdict.report.filament / 1000:.2f} m, {grams:.1f} g of {profile.material.name}{primed}{cost}"
@@ -293,7 +293,7 @@ def _format_link(verdict: Verdict) -> str:
     )
 
 
-def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, object]:
+def collect_verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, object]:
     """Return the result of a dry run for JSON."""
     report = as_dict(verdict.report)
     report["violations"] = [list(violation) for violation in verdict.report.violations]
@@ -313,14 +313,16 @@ def verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[str, obj
         "baud": verdict.baud,
         "faults": [as_json(fault) for fault in verdict.faults],
         "problems": list(verdict.problems),
-        "filament_g": round(_filament_grams(verdict, profile), 3),
-        "cost": round(_filament_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
-        "material": None if verdict.deposition is None else _material_facts(verdict.deposition, profile),
+        "filament_g": round(_compute_filament_grams(verdict, profile), 3),
+        "cost": round(_compute_filament_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
+        "material": None
+        if verdict.deposition is None
+        else _collect_material_facts(verdict.deposition, profile),
         "printer": report,
     }
 
 
-def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, object]:
+def _collect_material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, object]:
     """Return the extruded material per role and per layer, for JSON; the layer of start G-code is null."""
     peak = deposition.peak
     return {
@@ -329,7 +331,7 @@ def _material_facts(deposition: Deposition, profile: Profile) -> Mapping[str, ob
         "extruder_seconds": round(deposition.extruder, 3),
         "volume_mm3": round(deposition.volume, 3),
         "volume_standing_mm3": round(deposition.standing, 3),
-        "layer_heights": np.round(_layer_heights(deposition), 4).tolist(),
+        "layer_heights": np.round(_list_layer_heights(deposition), 4).tolist(),
         "peak_flow": None
         if peak is None
         else {"mm3_per_s": round(peak.amount, 3), "layer": peak.layer or None, "z": round(peak.z, 4)},

@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.macros import Items, Value, add_names_of_other_slicers
 from printer_slicer.model import Program
-from printer_slicer.profile import Profile, settings_text
+from printer_slicer.profile import Profile, list_settings
 from printer_slicer.roles import Role
 from printer_slicer.texts import format_duration
 
@@ -105,7 +105,7 @@ def _round_to_tuple(values: Float) -> tuple[float, ...]:
 def _collect_settings(profile: Profile) -> dict[str, Value]:
     """Return all settings in use except macros; a speed name without a section means the speed of the quality."""
     known: dict[str, Value] = {}
-    for key, value in settings_text(profile.resolved):
+    for key, value in list_settings(profile.resolved):
         owner, _, name = key.partition(".")
         if name.endswith("_gcode"):
             continue

@@ -13,7 +13,7 @@ from printer_slicer.macros import read_template
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.profile import Printer
 from printer_slicer.profile.checks import Conflict
-from printer_slicer.profile.inspection import profile_of_printer
+from printer_slicer.profile.inspection import make_profile_for_printer
 from printer_slicer.profile.planners import PLANNER_SETTINGS
 
 __all__ = ["find_macro_faults"]
@@ -25,7 +25,7 @@ _LAYER_MACROS: Final = frozenset({"before_layer_gcode", "layer_gcode", "pause_gc
 def find_macro_faults(printer: Printer) -> Iterator[Conflict]:
     """Yield the first error of each macro; values are not computed, because they depend on the print."""
     nothing = _build_empty_program()
-    profile = profile_of_printer(printer)
+    profile = make_profile_for_printer(printer)
     known = set(collect_print_facts(nothing, profile))
     # Which planner settings exist depends on the quality.
     of_planners = {name for kind in PLANNER_SETTINGS.values() for name in kind.__struct_fields__}

@@ -20,7 +20,7 @@ import numpy as np
 
 from printer_slicer.arrays import unique_inverse
 from printer_slicer.model import Program
-from printer_slicer.profile import Profile, settings_text
+from printer_slicer.profile import Profile, list_settings
 from printer_slicer.texts import format_duration, format_number
 from printer_slicer.version import VERSION
 
@@ -49,7 +49,7 @@ def format_footer(program: Program, profile: Profile, seconds: float | None) -> 
         *(f"; {key} = {value}" for key, value in _collect_common_settings(program, profile).items()),
     ]
     lines += ["", "; settings"]
-    for key, value in settings_text(profile):
+    for key, value in list_settings(profile):
         text = str(value).replace("\n", "\\n") if isinstance(value, str) else str(value)
         lines.append(f"; {key} = {text}")
     return lines

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 from printer_slicer.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from printer_slicer.importing.differences import Difference, largest_differences, other_notes
+    from printer_slicer.importing.differences import Difference, find_largest_differences, find_other_notes
     from printer_slicer.importing.importing import ImportRequest, import_profiles
-    from printer_slicer.importing.profile_files import file_names, profile_text, short_name
+    from printer_slicer.importing.profile_files import choose_file_names, format_profile, make_short_name
     from printer_slicer.importing.results import (
         ConvertedSetting,
         ImportedProfile,
@@ -33,12 +33,12 @@ __all__ = [
     "RejectedProfile",
     "TemperatureLimits",
     "UnsupportedSetting",
-    "file_names",
+    "choose_file_names",
+    "find_largest_differences",
+    "find_other_notes",
+    "format_profile",
     "import_profiles",
-    "largest_differences",
-    "other_notes",
-    "profile_text",
-    "short_name",
+    "make_short_name",
 ]
 
 _HOMES: Final = {
@@ -51,12 +51,12 @@ _HOMES: Final = {
     "ConvertedSetting": "results",
     "ImportRequest": "importing",
     "import_profiles": "importing",
-    "file_names": "profile_files",
-    "profile_text": "profile_files",
-    "short_name": "profile_files",
+    "choose_file_names": "profile_files",
+    "format_profile": "profile_files",
+    "make_short_name": "profile_files",
     "Difference": "differences",
-    "largest_differences": "differences",
-    "other_notes": "differences",
+    "find_largest_differences": "differences",
+    "find_other_notes": "differences",
 }
 
 

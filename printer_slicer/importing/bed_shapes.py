@@ -31,10 +31,10 @@ def find_rectangle(conversion: Conversion) -> BedRectangle:
         ProfileError: the outline is invalid or empty.
     """
     points = []
-    for word in conversion.preset.raw("bed_shape").split(","):
+    for word in conversion.preset.read_raw("bed_shape").split(","):
         found = _POINT.fullmatch(word)
         if found is None:
-            raise conversion.error(
+            raise conversion.make_error(
                 "bed_shape",
                 f"{word.strip()[:30]!r} is not a corner of the bed",
                 "Write corners as 0x0,220x0,220x220,0x220",
@@ -44,7 +44,7 @@ def find_rectangle(conversion: Conversion) -> BedRectangle:
     low, high = (min(xs), min(ys)), (max(xs), max(ys))
     size = (high[0] - low[0], high[1] - low[1])
     if len(points) < 3 or min(size) <= 0:
-        raise conversion.error(
+        raise conversion.make_error(
             "bed_shape", "the bed has no area", "Write its corners as 0x0,220x0,220x220,0x220"
         )
     if _is_rectangle(points, low, high):

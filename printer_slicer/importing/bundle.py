@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from typing import Final
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing.conditions import condition_holds
+from printer_slicer.importing.conditions import evaluate_condition
 from printer_slicer.importing.ini import IniSection, SourceSetting, split_texts, unescape
 from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.printer_search import find_printers
@@ -42,17 +42,17 @@ class PresetBundle(Struct, frozen=True):
     _resolved: dict[tuple[str, str], dict[str, SourceSetting]] = field(default_factory=dict)
     _suggested: list[str] = field(default_factory=list)
 
-    def presets(self, kinds: Sequence[str] = KINDS) -> Iterator[Preset | RejectedProfile]:
+    def resolve_presets(self, kinds: Sequence[str] = KINDS) -> Iterator[Preset | RejectedProfile]:
         """Yield each preset with the settings it inherits, or the reason why it cannot be used; skip abstract ones."""
         for kind in kinds:
             for name, section in self.sections[kind].items():
                 if not name.startswith("*"):
                     try:
-                        yield self.preset(kind, name)
+                        yield self.resolve_preset(kind, name)
                     except ProfileError as error:
                         yield RejectedProfile(kind, name, section.place, str(error.args[0]), error.remedy)
 
-    def preset(self, kind: str, name: str) -> Preset:
+    def resolve_preset(self, kind: str, name: str) -> Preset:
         """Return one preset with the settings it inherits.
 
         Raises:
@@ -109,30 +109,30 @@ class PresetBundle(Struct, frozen=True):
 
     def is_compatible(self, preset: Preset, printer: Preset) -> bool:
         """Return whether a material or quality is compatible with a printer."""
-        listed = [name for name in split_texts(preset.raw("compatible_printers")) if name]
+        listed = [name for name in split_texts(preset.read_raw("compatible_printers")) if name]
         if listed:
             return printer.name in listed
-        condition = unescape(preset.raw("compatible_printers_condition"))
+        condition = unescape(preset.read_raw("compatible_printers_condition"))
         known = {key: entry.text for key, entry in printer.entries.items()}
-        return not condition or condition_holds(condition, dict(DEFAULTS) | known) is not False
+        return not condition or evaluate_condition(condition, dict(DEFAULTS) | known) is not False
 
     def find_default_name(self, printer: Preset, kind: str) -> str:
         """Return the name of a printer's default material or quality.
 
         Without a default, this is the first compatible one; empty if there is none.
         """
-        name_list = printer.text(
+        name_list = printer.read_text(
             {"material": "default_filament_profile", "quality": "default_print_profile"}[kind]
         )
         for name in (
-            [*split_texts(name_list), *self._default_materials(printer)]
+            [*split_texts(name_list), *self._list_default_materials(printer)]
             if kind == "material"
             else [name_list]
         ):
             if name in self.sections[kind]:
                 return name
         for name in self.sections[kind]:
-            if not name.startswith("*") and self.is_compatible(self.preset(kind, name), printer):
+            if not name.startswith("*") and self.is_compatible(self.resolve_preset(kind, name), printer):
                 return name
         return ""
 
@@ -144,15 +144,15 @@ class PresetBundle(Struct, frozen=True):
         """
         printers = self.sections["printer"]
         if name in printers and not name.startswith("*"):
-            return [self.preset("printer", name)]
-        presets = [one for one in self.presets(("printer",)) if isinstance(one, Preset)]
-        renamed = [one for one in presets if name in split_texts(one.raw("renamed_from"))]
-        found = find_printers(name, {one.name: self._model_names(one) for one in presets})
+            return [self.resolve_preset("printer", name)]
+        presets = [one for one in self.resolve_presets(("printer",)) if isinstance(one, Preset)]
+        renamed = [one for one in presets if name in split_texts(one.read_raw("renamed_from"))]
+        found = find_printers(name, {one.name: self._list_model_names(one) for one in presets})
         return renamed[:1] or [one for one in presets if one.name in found]
 
-    def _model_names(self, printer: Preset) -> list[str]:
+    def _list_model_names(self, printer: Preset) -> list[str]:
         """Return the identifier and the display name of a printer's model."""
-        model = printer.text("printer_model")
+        model = printer.read_text("printer_model")
         section = self.models.get(model)
         return [one for one in (model, section.texts.get("name", "") if section else "") if one]
 
@@ -162,15 +162,15 @@ class PresetBundle(Struct, frozen=True):
         Args:
             printers: printers of one model with different nozzles.
         """
-        model = self.models.get(printers[0].text("printer_model"))
+        model = self.models.get(printers[0].read_text("printer_model"))
         listed = split_texts(model.texts.get("variants", "")) if model else []
-        standard = [one for one in printers if one.number("nozzle_diameter") == _USUAL_NOZZLE]
-        first = [one for one in printers if listed and one.text("printer_variant") == listed[0]]
+        standard = [one for one in printers if one.read_number("nozzle_diameter") == _USUAL_NOZZLE]
+        first = [one for one in printers if listed and one.read_text("printer_variant") == listed[0]]
         return (*standard, *first, *printers)[0]
 
-    def _default_materials(self, printer: Preset) -> list[str]:
+    def _list_default_materials(self, printer: Preset) -> list[str]:
         """Return the names of the default materials of a printer's model."""
-        model = self.models.get(printer.text("printer_model"))
+        model = self.models.get(printer.read_text("printer_model"))
         listed = model.entries.get("default_materials") if model else None
         return split_texts(listed.text) if listed else []
 

@@ -12,13 +12,13 @@ from printer_slicer.importing.presets import parse_quantity
 from printer_slicer.importing.prusaslicer_names import METADATA
 from printer_slicer.macros import Items, MacroFault, Value, evaluate, is_true, parse_expression
 
-__all__ = ["SettingValues", "condition_holds", "evaluate_setting"]
+__all__ = ["SettingValues", "evaluate_condition", "evaluate_setting"]
 
 _TOOL_NUMBERS: Final = ("initial_tool", "initial_extruder", "current_extruder")
 _SWITCHES: Final = ("silent_mode", "variable_layer_height", "gcode_comments", "gcode_label_objects")
 
 
-def condition_holds(condition: str, known: Mapping[str, str]) -> bool | None:
+def evaluate_condition(condition: str, known: Mapping[str, str]) -> bool | None:
     """Return whether settings meet a condition; None if it cannot be evaluated.
 
     Args:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.presets import Preset, Quantity, parse_quantity
-from printer_slicer.importing.prusaslicer_names import METADATA, setting_kind
+from printer_slicer.importing.prusaslicer_names import METADATA, find_setting_kind
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
 from printer_slicer.values import Struct, field, replace
 
@@ -57,13 +57,13 @@ class Conversion(Struct):
         table[leaf] = _round_number(value)
         first = next((name for name in names if name in self.preset.entries), "")
         label = self.preset.source_name(first)
-        text = self.preset.raw(first or names[0]) if names else ""
+        text = self.preset.read_raw(first or names[0]) if names else ""
         value = _round_number(value)
         self.taken.append(ConvertedSetting(label, text, ours, value, how, differs, tuple(names)))
 
     def copy_number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
         """Set one of our settings to a number of the source, and return the number."""
-        value = self.preset.number(theirs)
+        value = self.preset.read_number(theirs)
         self.put(ours, value, theirs, how, differs=differs)
         return value
 
@@ -85,7 +85,7 @@ class Conversion(Struct):
             near: words of the source -> our words with a similar meaning.
             other: our word for all other words of the source.
         """
-        word = self.preset.word(theirs, [*same, *near])
+        word = self.preset.read_word(theirs, [*same, *near])
         value = same.get(word) or near.get(word, other)
         how = "" if word in same else f"{value} is the most similar choice for {word or 'nothing'}"
         self.put(ours, value, theirs, how, differs=word not in same)
@@ -112,7 +112,7 @@ class Conversion(Struct):
             bound = f"the {'minimum' if clamped > value else 'maximum'} here"
             names = [theirs] if isinstance(theirs, str) else theirs
             for name in () if is_derived else self.preset.typed.intersection(names):
-                raise self.error(name, f"{clamped:g} is {bound}", "Write a value within the bounds")
+                raise self.make_error(name, f"{clamped:g} is {bound}", "Write a value within the bounds")
             how = f"{how}; {clamped:g} is {bound}" if how else f"{clamped:g} is {bound}"
             self.warn(
                 theirs if isinstance(theirs, str) else theirs[0], f"{value:g} becomes {clamped:g}, {bound}"
@@ -131,25 +131,25 @@ class Conversion(Struct):
 
     def resolve(self, theirs: str, whole: float) -> float:
         """Return a number of the source; a percentage is taken of `whole`."""
-        return self.preset.quantity(theirs).resolve(whole)
+        return self.preset.read_quantity(theirs).resolve(whole)
 
-    def quantity(self, theirs: str) -> Quantity:
+    def read_quantity(self, theirs: str) -> Quantity:
         """Return a number or percentage of the source."""
-        return self.preset.quantity(theirs)
+        return self.preset.read_quantity(theirs)
 
-    def printer_number(self, theirs: str) -> float:
+    def read_printer_number(self, theirs: str) -> float:
         """Return a number of the preset's printer, or the default of the other slicer."""
         entry, in_context = self.preset.entries.get(theirs), self.preset.context.get(theirs, "")
         found = parse_quantity(in_context.split(",")[0]) if entry is None and in_context else None
-        return found.value if found else self.preset.number(theirs)
+        return found.value if found else self.preset.read_number(theirs)
 
-    def error(self, theirs: str, problem: str, remedy: str) -> ProfileError:
+    def make_error(self, theirs: str, problem: str, remedy: str) -> ProfileError:
         """Return an error about a setting of the source; the caller raises it."""
-        return ProfileError(f"{self.preset.where(theirs)}: {problem}", remedy=remedy)
+        return ProfileError(f"{self.preset.format_place(theirs)}: {problem}", remedy=remedy)
 
     def warn(self, theirs: str, text: str) -> None:
         """Add a warning about a setting of the source."""
-        self.notes.append(ImportNote(self.preset.where(theirs), text))
+        self.notes.append(ImportNote(self.preset.format_place(theirs), text))
 
     def mark_different(self) -> None:
         """Record that the last converted setting makes the print differ from the source's."""
@@ -176,7 +176,7 @@ class Conversion(Struct):
             for name, entry in preset.entries.items()
             if name not in self.used
             and not METADATA.fullmatch(name)
-            and (not preset.mixed or setting_kind(name) == preset.kind)
+            and (not preset.mixed or find_setting_kind(name) == preset.kind)
         ]
         settings = {name: entry.text for name, entry in preset.entries.items()}
         return ImportedProfile(

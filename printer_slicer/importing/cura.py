@@ -51,15 +51,15 @@ class CuraDefinition(Struct):
     _in_progress: list[str] = field(default_factory=list)
 
     @property
-    def requested(self) -> set[str]:
+    def requested_keys(self) -> set[str]:
         """The keys of the settings that were requested, directly or by expressions of other settings."""
         return set(self._values)
 
-    def where(self, key: str) -> str:
+    def find_place(self, key: str) -> str:
         """Return the place where a setting is set: a change, or the definition."""
         return self.changed_at.get(key, self.place)
 
-    def value(self, key: str) -> Any:
+    def get_value(self, key: str) -> Any:
         """Return the value of a setting, or its default if its expression cannot be evaluated.
 
         Raises:
@@ -98,7 +98,7 @@ class CuraDefinition(Struct):
         if "value" not in properties or not isinstance(expression, str):
             return expression
         try:
-            return evaluate_cura(expression, self.value)
+            return evaluate_cura(expression, self.get_value)
         except CuraExpressionError as error:
             self.failed[key] = str(error)
             return default
@@ -107,7 +107,7 @@ class CuraDefinition(Struct):
 def _parse_change(text: str, kind: str, machine: CuraDefinition) -> Any:
     """Convert the text of a change: an expression that begins with `=`, or a value of the setting's type."""
     if text.startswith("="):
-        return evaluate_cura(text[1:], machine.value)
+        return evaluate_cura(text[1:], machine.get_value)
     if kind == "bool" or text.lower() in ("true", "false"):
         return text.strip().lower() in ("true", "1", "yes")
     number = parse_quantity(text) if kind not in ("str", "enum") else None
@@ -147,7 +147,7 @@ def make_cura_presets(
             )
         machine.changes[key], machine.changed_at[key] = entry.text, entry.place
     entries = _translate_settings(machine)
-    entries |= {key: entry for key, entry in changes.items() if key not in machine.requested}
+    entries |= {key: entry for key, entry in changes.items() if key not in machine.requested_keys}
     names = {
         "printer": machine.name,
         "material": f"{name or machine.name} material",
@@ -166,7 +166,7 @@ def _translate_settings(machine: CuraDefinition) -> dict[str, SourceSetting]:
         ProfileError: settings are missing, or a value is invalid.
     """
     try:
-        return translate_cura(machine.value, machine.where)
+        return translate_cura(machine.get_value, machine.find_place)
     except CuraExpressionError as error:
         raise ProfileError(
             f"{machine.place}: {error}",
@@ -175,7 +175,7 @@ def _translate_settings(machine: CuraDefinition) -> dict[str, SourceSetting]:
     except (TypeError, ValueError, ArithmeticError):
         key = machine.last_requested
         raise ProfileError(
-            f"{machine.where(key)}: {key}: invalid value",
+            f"{machine.find_place(key)}: {key}: invalid value",
             remedy=f"Change it with --cura {key}=VALUE",
         ) from None
 

@@ -152,7 +152,7 @@ def _format_value(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _value_or_default(get: _GetValue, key: str, default: Any) -> Any:
+def _get_value_or_default(get: _GetValue, key: str, default: Any) -> Any:
     """Return the value of a setting, or a default if this version of Cura does not have the setting."""
     try:
         return get(key)
@@ -218,8 +218,8 @@ def _convert_material(get: _GetValue, put: _PutSetting) -> None:
     if not has_fan:
         put("max_fan_speed", "cool_fan_enabled", "0")
     bridge_fan = (
-        _value_or_default(get, "bridge_fan_speed", 100)
-        if _value_or_default(get, "bridge_settings_enabled", False)
+        _get_value_or_default(get, "bridge_fan_speed", 100)
+        if _get_value_or_default(get, "bridge_settings_enabled", False)
         else get("cool_fan_speed_max")
     )
     put("bridge_fan_speed", "bridge_fan_speed", _format_value(bridge_fan if has_fan else 0))
@@ -238,9 +238,9 @@ def _convert_overlap(get: _GetValue, put: _PutSetting) -> None:
         ("infill_overlap", "infill_overlap", "infill_line_width"),
         ("solid_infill_overlap", "skin_overlap", "skin_line_width"),
     ):
-        percent = _value_or_default(get, cura, None)
+        percent = _get_value_or_default(get, cura, None)
         if percent is not None:
-            width = (float(_value_or_default(get, line, wall)) + float(wall)) / 2
+            width = (float(_get_value_or_default(get, line, wall)) + float(wall)) / 2
             put(name, cura, _format_value(round(float(percent) / 100 * width, 6)))
 
 
@@ -259,14 +259,14 @@ def _convert_quality(get: _GetValue, put: _PutSetting) -> None:
     )
     put("ironing_flowrate", "ironing_flow", f"{float(get('ironing_flow')):g}%")
     outer_first = (
-        _value_or_default(get, "outer_inset_first", False)
-        or _value_or_default(get, "inset_direction", "") == "outside_in"
+        _get_value_or_default(get, "outer_inset_first", False)
+        or _get_value_or_default(get, "inset_direction", "") == "outside_in"
     )
     put("external_perimeters_first", "inset_direction", _format_value(bool(outer_first)))
     put("avoid_crossing_perimeters", "retraction_combing", _format_value(get("retraction_combing") != "off"))
     bridge = (
-        _value_or_default(get, "bridge_wall_speed", 0)
-        if _value_or_default(get, "bridge_settings_enabled", False)
+        _get_value_or_default(get, "bridge_wall_speed", 0)
+        if _get_value_or_default(get, "bridge_settings_enabled", False)
         else get("speed_wall_0")
     )
     put("bridge_speed", "bridge_wall_speed", _format_value(bridge))
@@ -275,7 +275,7 @@ def _convert_quality(get: _GetValue, put: _PutSetting) -> None:
         "xy_offset_layer_0",
         _format_value(max(float(get("xy_offset")) - float(get("xy_offset_layer_0")), 0)),
     )
-    holes = float(get("xy_offset")) - float(_value_or_default(get, "hole_xy_offset", 0))
+    holes = float(get("xy_offset")) - float(_get_value_or_default(get, "hole_xy_offset", 0))
     put("xy_inner_size_compensation", "hole_xy_offset", _format_value(holes))
     adhesion = str(get("adhesion_type"))
     put("skirts", "skirt_line_count", _format_value(get("skirt_line_count") if adhesion == "skirt" else 0))
@@ -297,7 +297,7 @@ def _convert_raft(get: _GetValue, put: _PutSetting) -> None:
     if get("adhesion_type") != "raft":
         return
     names = ("raft_base_thickness", "raft_interface_thickness", "raft_surface_thickness")
-    total = sum(float(_value_or_default(get, name, 0)) for name in names)
+    total = sum(float(_get_value_or_default(get, name, 0)) for name in names)
     first, height = float(get("layer_height_0")), float(get("layer_height"))
     put("raft_layers", "raft_base_thickness", _format_value(max(round((total - first) / height) + 1, 1)))
     put("raft_contact_distance", "raft_airgap", _format_value(get("raft_airgap")))

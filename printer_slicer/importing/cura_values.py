@@ -75,7 +75,7 @@ def evaluate_cura(text: str, setting: Callable[[str], Any]) -> Any:
         raise CuraExpressionError("the expression is too long")
     try:
         tree = ast.parse(text.strip(), mode="eval")
-        return _check_size(_Evaluation(setting).value(tree.body))
+        return _check_size(_Evaluation(setting).evaluate(tree.body))
     except (
         SyntaxError,
         ValueError,
@@ -103,7 +103,7 @@ class _Evaluation:
     def __init__(self, setting: Callable[[str], Any]) -> None:
         self._setting = setting
 
-    def value(self, node: ast.expr) -> Any:
+    def evaluate(self, node: ast.expr) -> Any:
         """Return the value of a node."""
         match node:
             case ast.Constant(value=bool() | int() | float() | str() as constant):
@@ -111,11 +111,11 @@ class _Evaluation:
             case ast.Name(id=name):
                 return self._setting(name)
             case ast.List(elts=items) | ast.Tuple(elts=items):
-                return [self.value(item) for item in items]
+                return [self.evaluate(item) for item in items]
             case ast.IfExp():
-                return self.value(node.body if self.value(node.test) else node.orelse)
+                return self.evaluate(node.body if self.evaluate(node.test) else node.orelse)
             case ast.Subscript():
-                return self.value(node.value)[self.value(node.slice)]
+                return self.evaluate(node.value)[self.evaluate(node.slice)]
             case ast.Attribute(value=ast.Name(id="math"), attr="pi"):
                 return math.pi
         return self._evaluate_operation(node)
@@ -139,14 +139,14 @@ class _Evaluation:
         """Return the first operand of `and` or `or` that decides the result."""
         value: Any = None
         for one in node.values:
-            value = self.value(one)
+            value = self.evaluate(one)
             if bool(value) != isinstance(node.op, ast.And):
                 return value
         return value
 
     def _evaluate_unary(self, node: ast.UnaryOp) -> Any:
         """Evaluate `not`, a minus sign or a plus sign."""
-        value = self.value(node.operand)
+        value = self.evaluate(node.operand)
         if isinstance(node.op, ast.Not):
             return not value
         if isinstance(node.op, ast.USub):
@@ -157,7 +157,7 @@ class _Evaluation:
 
     def _evaluate_binary(self, node: ast.BinOp) -> Any:
         """Evaluate an arithmetic operator, with limits on the size of the result."""
-        left, right = self.value(node.left), self.value(node.right)
+        left, right = self.evaluate(node.left), self.evaluate(node.right)
         numeric = (int, float)
         if isinstance(node.op, ast.Pow) and isinstance(left, numeric) and isinstance(right, numeric):
             return (
@@ -175,9 +175,9 @@ class _Evaluation:
 
     def _evaluate_comparison(self, node: ast.Compare) -> bool:
         """Evaluate a chain of comparisons."""
-        left = self.value(node.left)
+        left = self.evaluate(node.left)
         for sign, other in zip(node.ops, node.comparators, strict=True):
-            right = self.value(other)
+            right = self.evaluate(other)
             if type(sign) not in _COMPARISONS:
                 raise CuraExpressionError(f"{type(sign).__name__} is not supported")
             if not _COMPARISONS[type(sign)](left, right):
@@ -192,8 +192,8 @@ class _Evaluation:
             raise CuraExpressionError(f"{name}(): keyword arguments are not supported")
         if name == "map" and len(node.args) == 2 and isinstance(node.args[0], ast.Name):
             function = _FUNCTIONS.get(node.args[0].id) or _raise_error(f"{node.args[0].id}() is unknown")
-            return [function(one) for one in self.value(node.args[1])]
-        values = [self.value(one) for one in node.args]
+            return [function(one) for one in self.evaluate(node.args[1])]
+        values = [self.evaluate(one) for one in node.args]
         if (
             name in ("resolveOrValue", "extruderValue", "valueFromContainer")
             and values

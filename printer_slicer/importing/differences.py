@@ -8,9 +8,9 @@ from functools import cache
 from typing import Any, Final, NamedTuple
 
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 
-__all__ = ["Difference", "largest_differences", "other_notes"]
+__all__ = ["Difference", "find_largest_differences", "find_other_notes"]
 
 _LEAST_WEIGHT: Final = 20  # differences with less weight are not listed
 _USUAL_WEIGHT: Final = 30  # weight of a converted setting that is not in the table
@@ -68,7 +68,7 @@ class Difference(NamedTuple):
     text: str
 
 
-def largest_differences(profiles: Sequence[ImportedProfile]) -> list[Difference]:
+def find_largest_differences(profiles: Sequence[ImportedProfile]) -> list[Difference]:
     """Return the differences that change the print, the largest first.
 
     Args:
@@ -79,7 +79,7 @@ def largest_differences(profiles: Sequence[ImportedProfile]) -> list[Difference]
     return sorted(unique.values(), key=lambda one: -one.weight)
 
 
-def other_notes(profile: ImportedProfile) -> list[ImportNote]:
+def find_other_notes(profile: ImportedProfile) -> list[ImportNote]:
     """Return the warnings of a profile about settings that are not among the differences."""
     differing = {one.theirs for one in profile.taken if one.differs}
     return [note for note in profile.notes if note.place.rpartition(": ")[2] not in differing]
@@ -127,7 +127,7 @@ def _weigh_unsupported(setting: UnsupportedSetting) -> int:
 @cache
 def _map_units() -> dict[str, str]:
     """Map each of our settings to its unit."""
-    return {row.key: row.unit for row in settings_table()}
+    return {row.key: row.unit for row in list_setting_definitions()}
 
 
 def _append_unit(value: str, unit: str) -> str:

@@ -28,9 +28,9 @@ from printer_slicer.importing.prusaslicer_names import DEFAULTS, METADATA
 from printer_slicer.importing.qualities import convert_quality
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
 from printer_slicer.macros.names import map_prusaslicer_names
-from printer_slicer.profile import Profile, settings_text
+from printer_slicer.profile import Profile, list_settings
 from printer_slicer.profile.keys import is_setting
-from printer_slicer.profile.tables import settings_table, takes_form
+from printer_slicer.profile.tables import accepts_form, list_setting_definitions
 
 __all__ = [
     "FamiliarSetting",
@@ -273,7 +273,7 @@ def _suggest_setting(name: str, text: str, profile: Profile) -> str:
         with suppress(ProfileError):
             plain.profile_with(profile, {key: value})
             return f"{key}={value}"
-    unit = next((row.unit for row in settings_table() if row.key.partition(".")[2] == key), "")
+    unit = next((row.unit for row in list_setting_definitions() if row.key.partition(".")[2] == key), "")
     return f"{key}={_UNITS.get(unit, 'VALUE')}"
 
 
@@ -333,7 +333,7 @@ def _is_own(name: str, text: str) -> bool:
     Some names are also PrusaSlicer's: then a percentage of another setting, or a word that is unknown here, is
     PrusaSlicer's value.
     """
-    if not is_setting(name) or takes_form(name, text):
+    if not is_setting(name) or accepts_form(name, text):
         return is_setting(name)
     return not (takes_percentage(name, "prusaslicer") if text.endswith("%") else has_equivalent(name))
 
@@ -396,7 +396,7 @@ def _convert_together(
         base = {
             key: SourceSetting(key, text, key) for key, text in describe_profile(profile, entries).items()
         }
-        made |= dict(_convert_entries({**base, **entries}, names, slicer, _layer_heights(profile)))
+        made |= dict(_convert_entries({**base, **entries}, names, slicer, _get_layer_heights(profile)))
     order = list(typed)
     makers = {
         ours: sorted({name for key in one.sources for name in owners.get(key, ())}, key=order.index)
@@ -409,7 +409,7 @@ def _convert_together(
     }
 
 
-def _layer_heights(profile: Profile) -> tuple[float, float]:
+def _get_layer_heights(profile: Profile) -> tuple[float, float]:
     """Return the heights of the first layer and of the other layers, for settings that count layers."""
     return profile.quality.first_layer_height or profile.quality.layer_height, profile.quality.layer_height
 
@@ -468,7 +468,7 @@ def _copy_equal_setting(name: str, text: str, slicer: str, profile: Profile) -> 
         ProfileError: the setting has no equivalent here, or no effect.
     """
     ours = map_prusaslicer_names().get(name, "").removeprefix("quality.")
-    found = [key for key, _ in settings_text(profile) if ours and key.partition(".")[2] == ours]
+    found = [key for key, _ in list_settings(profile) if ours and key.partition(".")[2] == ours]
     if found:
         return FamiliarSetting(slicer, (f"{name}={text}",), {found[0]: text})
     if slicer == _CURA:

@@ -124,8 +124,8 @@ def _read_layer_heights(quality: Preset) -> tuple[float, float]:
     Invalid heights give 0; the import of the quality reports them.
     """
     with suppress(ProfileError):
-        height = quality.number("layer_height")
-        return quality.quantity("first_layer_height").resolve(height) or height, height
+        height = quality.read_number("layer_height")
+        return quality.read_quantity("first_layer_height").resolve(height) or height, height
     return 0.0, 0.0
 
 
@@ -138,7 +138,7 @@ def _convert_bundle(
             _select_printer_and_companions(bundle, request), replace(request, names=())
         )
         return
-    read = list(bundle.presets())
+    read = list(bundle.resolve_presets())
     others = [one for one in read if isinstance(one, Preset) and one.kind in _COMPANION_KINDS]
     for preset in read:
         if not request.includes(preset.kind, preset.name):
@@ -169,7 +169,7 @@ def _select_printer_and_companions(bundle: PresetBundle, request: ImportRequest)
     for kind in _COMPANION_KINDS:
         named = [name for name in bundle.sections[kind] if request.names and request.includes(kind, name)]
         names = named or [bundle.find_default_name(printer, kind)]
-        found += [bundle.preset(kind, name) for name in names if name and not name.startswith("*")]
+        found += [bundle.resolve_preset(kind, name) for name in names if name and not name.startswith("*")]
     return found
 
 
@@ -186,9 +186,9 @@ def _find_printer(bundle: PresetBundle, name: str) -> Preset:
         if len(printers) == 1:
             return printer
         nozzles = ", ".join(
-            f"{size:g}" for size in sorted({one.number("nozzle_diameter") for one in printers})
+            f"{size:g}" for size in sorted({one.read_number("nozzle_diameter") for one in printers})
         )
-        taken = f"{printer.number('nozzle_diameter'):g} mm is imported ({printer.name})"
+        taken = f"{printer.read_number('nozzle_diameter'):g} mm is imported ({printer.name})"
         note = ImportNote(bundle.place, f"{name!r} is available with nozzles of {nozzles} mm: {taken}")
         return replace(printer, notes=(note, *printer.notes))
     if models:
@@ -267,7 +267,7 @@ def _read_positive_numbers(presets: Sequence[Preset], kind: str, keys: Sequence[
     for preset in presets:
         for key in keys if preset.kind == kind else ():
             with suppress(ProfileError):
-                one = preset.quantity(key)
-                value = one.resolve(preset.number("layer_height")) if one.is_percent else one.value
+                one = preset.read_quantity(key)
+                value = one.resolve(preset.read_number("layer_height")) if one.is_percent else one.value
                 found += [value] if value > 0 else []
     return found

@@ -20,7 +20,7 @@ from printer_slicer.gcode.state import MachineState
 from printer_slicer.importing.bed_shapes import BedRectangle
 from printer_slicer.importing.conditions import SettingValues
 from printer_slicer.importing.conversion import Conversion
-from printer_slicer.importing.prusaslicer_names import setting_kind
+from printer_slicer.importing.prusaslicer_names import find_setting_kind
 from printer_slicer.macros import (
     UnknownName,
     Value,
@@ -29,7 +29,7 @@ from printer_slicer.macros import (
     get_placeholder_names,
     read_template,
 )
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 
 __all__ = ["convert_macros"]
 
@@ -56,11 +56,11 @@ def convert_macros(conversion: Conversion, bed: BedRectangle) -> None:
     preset = conversion.preset
     known = SettingValues(
         dict(preset.defaults)
-        | {name: entry.text for name, entry in preset.entries.items() if setting_kind(name) == "printer"}
+        | {name: entry.text for name, entry in preset.entries.items() if find_setting_kind(name) == "printer"}
     )
     for theirs, ours in _MACROS.items():
         conversion.used.add(theirs)
-        text = preset.text(theirs).replace("\x00", "")
+        text = preset.read_text(theirs).replace("\x00", "")
         if not text.strip():
             continue
         text = _convert_cura_macro(text) if preset.dialect == "cura" else text
@@ -84,13 +84,13 @@ def _convert_cura_macro(text: str) -> str:
 @cache
 def _list_setting_names() -> frozenset[str]:
     """Return the names of our settings, with and without their section."""
-    keys = [row.key for row in settings_table() if not row.key.endswith(("_gcode", ".name"))]
+    keys = [row.key for row in list_setting_definitions() if not row.key.endswith(("_gcode", ".name"))]
     return frozenset(keys) | {key.partition(".")[2] for key in keys}
 
 
 def _define_variables(conversion: Conversion, theirs: str, text: str, known: Mapping[str, Value]) -> str:
     """Return a line that defines the settings of the source that a macro uses; warn about unknown names."""
-    place = conversion.preset.where(theirs)
+    place = conversion.preset.format_place(theirs)
     try:
         template = read_template(text, place)
     except ProfileError as error:

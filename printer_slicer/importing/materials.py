@@ -39,12 +39,12 @@ def convert_material(preset: Preset) -> ImportedProfile:
     """
     conversion = Conversion(preset)
     conversion.put("name", preset.name)
-    kind, *others = preset.items("filament_type")
+    kind, *others = preset.read_items("filament_type")
     conversion.put("type", kind or preset.name, "filament_type")
     if others:
         conversion.warn("filament_type", f"{ONE_TOOL}: {kind} is imported, {', '.join(others)} is not")
     conversion.copy_number("filament_diameter", "filament_diameter")
-    density = preset.number("filament_density")
+    density = preset.read_number("filament_density")
     conversion.put(
         "density",
         density or _PLA_DENSITY,
@@ -72,9 +72,9 @@ def _convert_flow_ratio(conversion: Conversion) -> None:
     Raises:
         ProfileError: it is far from 1, as if it were a percentage.
     """
-    flow = conversion.preset.number("extrusion_multiplier")
+    flow = conversion.preset.read_number("extrusion_multiplier")
     if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
-        raise conversion.error(
+        raise conversion.make_error(
             "extrusion_multiplier", f"a flow ratio of {flow:g} is out of range", "Write a number near 1"
         )
     conversion.clamp("flow_ratio", flow, 0.5, 1.5, "extrusion_multiplier")
@@ -82,7 +82,7 @@ def _convert_flow_ratio(conversion: Conversion) -> None:
 
 def _convert_max_flow(conversion: Conversion) -> None:
     """Convert the maximum flow; 0 in the source means no limit."""
-    flow = conversion.preset.number("filament_max_volumetric_speed")
+    flow = conversion.preset.read_number("filament_max_volumetric_speed")
     if flow:
         conversion.clamp("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
     else:
@@ -102,16 +102,18 @@ def _convert_cooling(conversion: Conversion) -> None:
     conversion.clamp("fan_ratio", low, 0, 1, names, "" if always else "fan_always_on is off")
     conversion.clamp("fan_ratio_max", most if cooling else low, 0, 1, ("max_fan_speed", "cooling"), how)
     _convert_bridge_fan(conversion)
-    conversion.clamp("fan_layer_time", preset.number("fan_below_layer_time"), 0, 600, "fan_below_layer_time")
+    conversion.clamp(
+        "fan_layer_time", preset.read_number("fan_below_layer_time"), 0, 600, "fan_below_layer_time"
+    )
     conversion.clamp(
         "min_layer_time",
-        preset.number("slowdown_below_layer_time") if cooling else 0.0,
+        preset.read_number("slowdown_below_layer_time") if cooling else 0.0,
         0,
         600,
         ("slowdown_below_layer_time", "cooling"),
         how,
     )
-    conversion.clamp("min_speed", preset.number("min_print_speed"), 1, 100, "min_print_speed")
+    conversion.clamp("min_speed", preset.read_number("min_print_speed"), 1, 100, "min_print_speed")
     _convert_fan_heights(conversion)
     _convert_overhang_fan(conversion)
 
@@ -131,12 +133,12 @@ def _convert_fan_heights(conversion: Conversion) -> None:
     """Convert the layers on which the fan starts and reaches its speed."""
     preset = conversion.preset
     for ours, theirs, count in (
-        ("fan_off_below", "disable_fan_first_layers", off := preset.number("disable_fan_first_layers")),
-        ("fan_full_above", "full_fan_speed_layer", max(preset.number("full_fan_speed_layer"), off)),
+        ("fan_off_below", "disable_fan_first_layers", off := preset.read_number("disable_fan_first_layers")),
+        ("fan_full_above", "full_fan_speed_layer", max(preset.read_number("full_fan_speed_layer"), off)),
     ):
         conversion.clamp(
             ours,
-            _height_of_layer_count(preset, count),
+            _compute_height_of_layers(preset, count),
             0,
             100,
             theirs,
@@ -146,10 +148,10 @@ def _convert_fan_heights(conversion: Conversion) -> None:
 
 def _read_fan_ratio(preset: Preset, name: str) -> float:
     """Return a fan speed as a ratio; in the source it is a percentage, with or without its sign."""
-    return preset.quantity(name).value / 100
+    return preset.read_quantity(name).value / 100
 
 
-def _height_of_layer_count(preset: Preset, count: float) -> float:
+def _compute_height_of_layers(preset: Preset, count: float) -> float:
     """Return the total height of a number of layers, mm."""
     first, height = preset.heights if all(preset.heights) else (_USUAL_LAYER, _USUAL_LAYER)
     return first + (count - 1) * height if count >= 1 else 0.0
@@ -201,10 +203,10 @@ def _convert_pressure_advance(conversion: Conversion) -> None:
     """Convert pressure advance from its setting, or from a command in the material's G-code."""
     preset = conversion.preset
     if preset.is_on("enable_pressure_advance") and preset.has("pressure_advance"):
-        _put_pressure_advance(conversion, "pressure_advance", [(preset.number("pressure_advance"), "")])
+        _put_pressure_advance(conversion, "pressure_advance", [(preset.read_number("pressure_advance"), "")])
     conversion.mark_used(["enable_pressure_advance", "pressure_advance"])
     name = "start_filament_gcode"
-    text = preset.first_macro(name)
+    text = preset.read_first_macro(name)
     conversion.used.add(name)
     try:
         lines = read_template(text, name).render(SettingValues(preset.context))

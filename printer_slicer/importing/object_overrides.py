@@ -13,10 +13,10 @@ from printer_slicer.importing.presets import ObjectSettings, Preset
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, UnsupportedSetting
 from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.overrides import HIGHEST
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 from printer_slicer.values import replace
 
-__all__ = ["add_object_overrides", "flatten_settings", "overridable_settings"]
+__all__ = ["add_object_overrides", "flatten_settings", "list_overridable_settings"]
 
 
 _HEIGHT: Final = "layer_height"
@@ -48,7 +48,7 @@ def add_object_overrides(
         made = convert(replace(preset, entries={**preset.entries, **entries}, object_settings=(), notes=()))
         before = dict(flatten_settings(profile.values))
         changed = {key: value for key, value in flatten_settings(made.values) if before.get(key) != value}
-        allowed = overridable_settings(heights=bool(source.high))
+        allowed = list_overridable_settings(heights=bool(source.high))
         kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
             heights = {"low": source.low, "high": source.high} if source.high else {}
@@ -59,14 +59,14 @@ def add_object_overrides(
             continue
         if not source.is_only_object:
             why = "all objects on a plate have the same layers"
-            left.append(UnsupportedSetting(f"{source.where}: {height.name}", height.text, why))
+            left.append(UnsupportedSetting(f"{source.place}: {height.name}", height.text, why))
             continue
         layer_height = changed.get(_HEIGHT, before[_HEIGHT])
         if source.high:
             layers.append((source.low, source.high, layer_height))
         else:
             values[_HEIGHT] = layer_height
-        taken.append(ConvertedSetting(f"{source.where}: {height.name}", height.text, _HEIGHT, layer_height))
+        taken.append(ConvertedSetting(f"{source.place}: {height.name}", height.text, _HEIGHT, layer_height))
     if tables:
         values["overrides"] = tables
     if layers:
@@ -74,14 +74,16 @@ def add_object_overrides(
     return replace(profile, values=values, taken=(*profile.taken, *taken), left=(*profile.left, *left))
 
 
-def overridable_settings(*, heights: bool) -> frozenset[str]:
+def list_overridable_settings(*, heights: bool) -> frozenset[str]:
     """Return the quality settings that can differ between objects.
 
     Args:
         heights: whether to return only those that can also differ between height ranges.
     """
     places = {OBJECT, HEIGHT} if heights else {OBJECT}
-    return frozenset(row.key.partition(".")[2] for row in settings_table() if places <= set(row.own))
+    return frozenset(
+        row.key.partition(".")[2] for row in list_setting_definitions() if places <= set(row.own)
+    )
 
 
 def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -117,8 +119,8 @@ def _list_converted(
     """Yield the settings of an object that became overrides."""
     for one in made.taken:
         if one.ours in kept:
-            theirs = f"{source.where}: {one.theirs}" if one.theirs else ""
-            yield replace(one, theirs=theirs, ours=f"overrides: {source.where}: {one.ours}")
+            theirs = f"{source.place}: {one.theirs}" if one.theirs else ""
+            yield replace(one, theirs=theirs, ours=f"overrides: {source.place}: {one.ours}")
 
 
 def _list_unsupported(
@@ -128,8 +130,8 @@ def _list_unsupported(
     names = {entry.name for entry in source.entries.values()}
     for lost in made.left:
         if lost.theirs in names:
-            yield replace(lost, theirs=f"{source.where}: {lost.theirs}")
+            yield replace(lost, theirs=f"{source.place}: {lost.theirs}")
     for one in made.taken:
         if one.ours in same and one.theirs in names:
             why = f"{one.ours} is the same for the whole plate here"
-            yield UnsupportedSetting(f"{source.where}: {one.theirs}", one.text, why)
+            yield UnsupportedSetting(f"{source.place}: {one.theirs}", one.text, why)

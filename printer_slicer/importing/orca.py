@@ -108,9 +108,9 @@ def make_orca_presets(values: Mapping[str, Any], place: str, folder: PresetFolde
             remedy='Add its type, such as "type": "machine"',
         )
     names = {
-        "printer": _first_text(values.get("printer_settings_id")),
-        "material": _first_text(values.get("filament_settings_id")),
-        "quality": _first_text(values.get("print_settings_id")),
+        "printer": _get_first_text(values.get("printer_settings_id")),
+        "material": _get_first_text(values.get("filament_settings_id")),
+        "quality": _get_first_text(values.get("print_settings_id")),
     }
     return [
         Preset(one, label or name, "orca", place, entries, ORCA_DEFAULTS, mixed=True)
@@ -149,7 +149,7 @@ def _resolve_inheritance(
 ) -> dict[str, Any]:
     """Return the settings of a preset and those it inherits, each with the file that sets it."""
     own = {key: (value, place) for key, value in values.items()}
-    parent = _first_text(values.get("inherits"))
+    parent = _get_first_text(values.get("inherits"))
     if not parent:
         return own
     if parent in seen or len(seen) > _DEEPEST:
@@ -166,10 +166,10 @@ def _resolve_inheritance(
     return _resolve_inheritance(found[1], str(found[0]), folder, (*seen, parent)) | own
 
 
-def _first_text(value: Any) -> str:
+def _get_first_text(value: Any) -> str:
     """Return a text, or the first text of a list; empty for other values."""
     if isinstance(value, list):
-        return _first_text(value[0]) if value and not isinstance(value[0], list) else ""
+        return _get_first_text(value[0]) if value and not isinstance(value[0], list) else ""
     return value if isinstance(value, str) else ""
 
 

@@ -50,7 +50,7 @@ class ObjectSettings(Struct, frozen=True):
     is_only_object: bool
 
     @property
-    def where(self) -> str:
+    def place(self) -> str:
         """Return the object and the height range as text."""
         return f"{self.object}, z {self.low:g} to {self.high:g}" if self.high else self.object
 
@@ -92,70 +92,71 @@ class Preset(Struct, frozen=True):
         """Return whether the source sets a setting."""
         return key in self.entries and self.entries[key].text.strip() not in _EMPTY_VALUES
 
-    def raw(self, key: str) -> str:
+    def read_raw(self, key: str) -> str:
         """Return a value as written, or the default of its slicer."""
         entry = self.entries.get(key)
         return self.defaults.get(key, "") if entry is None else entry.text
 
-    def text(self, key: str) -> str:
+    def read_text(self, key: str) -> str:
         """Return a value without quotes and escapes."""
-        return unescape(self.raw(key))
+        return unescape(self.read_raw(key))
 
-    def word(self, key: str, known: Collection[str]) -> str:
+    def read_word(self, key: str, known: Collection[str]) -> str:
         """Return a word in lower case.
 
         Raises:
             ProfileError: the word was typed and is not one of the known words.
         """
-        word = self.text(key).strip().lower()
+        word = self.read_text(key).strip().lower()
         if key in self.typed and word not in known:
             near = get_close_matches(word, known, n=1)
             listed = f"Choose one of: {', '.join(one for one in known if one)}"
             raise ProfileError(
-                f"{self.where(key)}: unknown value {word!r}",
+                f"{self.format_place(key)}: unknown value {word!r}",
                 remedy=f"Did you mean {near[0]!r}?" if near else listed,
             )
         return word
 
-    def first_text(self, key: str) -> str:
+    def read_first_text(self, key: str) -> str:
         """Return the first text of a list."""
-        return next(iter(split_texts(self.raw(key))), "")
+        return next(iter(split_texts(self.read_raw(key))), "")
 
-    def first_macro(self, key: str) -> str:
+    def read_first_macro(self, key: str) -> str:
         """Return the first macro of a list; a value without quotes is one macro, where semicolons begin comments."""
-        raw = self.raw(key).strip()
-        return self.first_text(key) if raw.startswith('"') else unescape(raw)
+        raw = self.read_raw(key).strip()
+        return self.read_first_text(key) if raw.startswith('"') else unescape(raw)
 
-    def items(self, key: str) -> list[str]:
+    def read_items(self, key: str) -> list[str]:
         """Return the items of a list of numbers or words, separated by commas or semicolons."""
-        return [part.strip().strip('"') for part in self.raw(key).replace(";", ",").split(",")]
+        return [part.strip().strip('"') for part in self.read_raw(key).replace(";", ",").split(",")]
 
-    def number(self, key: str) -> float:
+    def read_number(self, key: str) -> float:
         """Return the first number of a setting; percentages are converted to ratios.
 
         Raises:
             ProfileError: it is not a number; with place and remedy.
         """
-        found = self.quantity(key)
+        found = self.read_quantity(key)
         return found.value / 100 if found.is_percent else found.value
 
-    def quantity(self, key: str) -> Quantity:
+    def read_quantity(self, key: str) -> Quantity:
         """Return the first number or percentage of a setting.
 
         Raises:
             ProfileError: it is neither; or it is a percentage that was typed, and the setting takes none.
         """
-        word = _COMMENT.sub("", self.items(key)[0])
+        word = _COMMENT.sub("", self.read_items(key)[0])
         if word in _EMPTY_VALUES:
             word = self.defaults.get(key, "0").split(",")[0] or "0"
         found = parse_quantity(word)
         if found is None:
             raise ProfileError(
-                f"{self.where(key)}: {word!r} is not a number", remedy="Write a number such as 0.2 or 50%"
+                f"{self.format_place(key)}: {word!r} is not a number",
+                remedy="Write a number such as 0.2 or 50%",
             )
         if found.is_percent and key in self.typed and not takes_percentage(key, self.dialect):
             raise ProfileError(
-                f"{self.where(key)}: {self.entries[key].name} takes no percentage",
+                f"{self.format_place(key)}: {self.entries[key].name} takes no percentage",
                 remedy="Write a number without %",
             )
         return found
@@ -166,12 +167,14 @@ class Preset(Struct, frozen=True):
         Raises:
             ProfileError: the value was typed, and is neither on nor off.
         """
-        word = self.items(key)[0].lower()
+        word = self.read_items(key)[0].lower()
         if key in self.typed and word not in (*ON_WORDS, *OFF_WORDS):
-            raise ProfileError(f"{self.where(key)}: expected 1 or 0", remedy="Write 1 for on, or 0 for off")
+            raise ProfileError(
+                f"{self.format_place(key)}: expected 1 or 0", remedy="Write 1 for on, or 0 for off"
+            )
         return word in ON_WORDS
 
-    def where(self, key: str) -> str:
+    def format_place(self, key: str) -> str:
         """Return the place and name of a setting, for messages."""
         entry = self.entries.get(key)
         if entry is not None and key in self.typed:

@@ -59,8 +59,8 @@ def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProf
     conversion = Conversion(preset)
     _check_kind(conversion)
     conversion.put("name", preset.name)
-    if preset.text("printer_model"):
-        conversion.put("model", preset.text("printer_model"), "printer_model")
+    if preset.read_text("printer_model"):
+        conversion.put("model", preset.read_text("printer_model"), "printer_model")
     _convert_flavour(conversion)
     bed = _convert_bed(conversion)
     nozzle = _convert_nozzle(conversion)
@@ -78,10 +78,12 @@ def _check_kind(conversion: Conversion) -> None:
     """Reject resin printers, and printers that count filament in mm³."""
     preset = conversion.preset
     conversion.mark_used(["printer_technology"])
-    if preset.text("printer_technology").upper() not in ("FFF", ""):
-        raise conversion.error("printer_technology", "this is a resin printer", "Choose a filament printer")
+    if preset.read_text("printer_technology").upper() not in ("FFF", ""):
+        raise conversion.make_error(
+            "printer_technology", "this is a resin printer", "Choose a filament printer"
+        )
     if preset.is_on("use_volumetric_e"):
-        raise conversion.error(
+        raise conversion.make_error(
             "use_volumetric_e",
             "E in mm³ is not supported",
             "Set the firmware to mm of filament (M200 D0) and export the printer with use_volumetric_e = 0",
@@ -91,8 +93,8 @@ def _check_kind(conversion: Conversion) -> None:
 def _convert_flavour(conversion: Conversion) -> None:
     """Convert the G-code flavour; notes and macros show Prusa's firmware and Klipper."""
     preset = conversion.preset
-    word = preset.text("gcode_flavor").strip().lower()
-    notes = preset.text("printer_notes")
+    word = preset.read_text("gcode_flavor").strip().lower()
+    notes = preset.read_text("printer_notes")
     macro = _find_klipper_macro(preset)
     if macro and word in ("marlin", "marlin2", *_NEAR_FLAVOURS):
         how = f"{word} in the source, but {macro} is a Klipper macro"
@@ -104,7 +106,7 @@ def _convert_flavour(conversion: Conversion) -> None:
         conversion.put(
             "flavour", "prusa", ("gcode_flavor", "printer_notes"), "a Prusa machine, according to its notes"
         )
-    elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.text("start_gcode")):
+    elif word == "marlin" and re.search(r"(?m)^\s*G80\b", preset.read_text("start_gcode")):
         how = "its start G-code measures the bed with G80, as Prusa machines do"
         conversion.put("flavour", "prusa", "gcode_flavor", how)
     elif word in _FLAVOURS:
@@ -119,7 +121,7 @@ def _convert_flavour(conversion: Conversion) -> None:
             f"{word}: check that the firmware supports M201, M203, M204 and M205 of Marlin",
         )
     else:
-        raise conversion.error(
+        raise conversion.make_error(
             "gcode_flavor", f"unknown flavour {word!r}", f"Use one of {', '.join(_FLAVOURS)}"
         )
 
@@ -127,7 +129,7 @@ def _convert_flavour(conversion: Conversion) -> None:
 def _find_klipper_macro(preset: Preset) -> str:
     """Return the first Klipper macro in the start and end G-code; empty if there is none."""
     for name in ("start_gcode", "end_gcode"):
-        found = _KLIPPER_MACRO.search(preset.text(name))
+        found = _KLIPPER_MACRO.search(preset.read_text(name))
         if found:
             return found[1]
     return ""
@@ -147,17 +149,17 @@ def _convert_bed(conversion: Conversion) -> BedRectangle:
         else:
             conversion.switch_off(name, 0, "bed_shape")
     conversion.copy_number("bed_z", "max_print_height")
-    if conversion.preset.number("z_offset"):
+    if conversion.preset.read_number("z_offset"):
         conversion.warn(
             "z_offset",
-            f"{conversion.preset.raw('z_offset')} mm is not imported: set it in the firmware (M206, M851)",
+            f"{conversion.preset.read_raw('z_offset')} mm is not imported: set it in the firmware (M206, M851)",
         )
     return bed
 
 
 def _convert_nozzle(conversion: Conversion) -> float:
     """Convert the nozzle diameter of the first extruder, mm, and return it."""
-    several = len([word for word in conversion.preset.items("nozzle_diameter") if word]) - 1
+    several = len([word for word in conversion.preset.read_items("nozzle_diameter") if word]) - 1
     how = f"the first extruder; {several} more are not imported" if several else ""
     return conversion.copy_number("nozzle_diameter", "nozzle_diameter", how, differs=several > 0)
 
@@ -168,7 +170,7 @@ def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: Com
         ("min_layer", "min_layer_height", 0.0),
         ("max_layer", "max_layer_height", _MAX_LAYER_RATIO),
     ):
-        found = conversion.quantity(theirs)
+        found = conversion.read_quantity(theirs)
         if found.value == 0 and usual:
             conversion.put(ours, usual * nozzle, theirs, f"0 means {usual:g} nozzle diameters")
         elif found.is_percent:
@@ -177,7 +179,7 @@ def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: Com
             conversion.clamp(ours, found.value, 0.01, 1.6, theirs)
     least, most = conversion.values["min_layer"], conversion.values["max_layer"]
     if least > most:
-        raise conversion.error(
+        raise conversion.make_error(
             "min_layer_height",
             f"{least:g} mm is more than max_layer_height, {most:g} mm",
             "Set both layer heights of the extruder in the other slicer",
@@ -230,7 +232,7 @@ def _convert_machine_limits(conversion: Conversion) -> None:
     for axis in "xyze":
         name = f"machine_max_jerk_{axis}"
         conversion.mark_used([name])
-    if conversion.preset.text("machine_limits_usage") == "ignore":
+    if conversion.preset.read_text("machine_limits_usage") == "ignore":
         conversion.warn(
             "machine_limits_usage", "the source ignored the machine limits: check that they are correct"
         )
@@ -240,10 +242,12 @@ def _convert_travel_acceleration(conversion: Conversion) -> None:
     """Convert the travel acceleration, up to the machine limit; the default is the acceleration for printing."""
     preset, limit, asked = conversion.preset, "machine_max_acceleration_travel", "travel_acceleration"
     printing = "machine_max_acceleration_extruding"
-    most = preset.number(limit) if preset.has(limit) else 0.0
-    limits = [preset.number(f"machine_max_acceleration_{axis}") for axis in "xy"] + ([most] if most else [])
-    wanted = preset.quantity(asked) if preset.has(asked) else None
-    usual = preset.quantity("default_acceleration").value
+    most = preset.read_number(limit) if preset.has(limit) else 0.0
+    limits = [preset.read_number(f"machine_max_acceleration_{axis}") for axis in "xy"] + (
+        [most] if most else []
+    )
+    wanted = preset.read_quantity(asked) if preset.has(asked) else None
+    usual = preset.read_quantity("default_acceleration").value
     if wanted and (value := wanted.resolve(usual)):
         how = "percentage of default_acceleration" if wanted.is_percent else ""
         if value > min(limits):
@@ -255,40 +259,43 @@ def _convert_travel_acceleration(conversion: Conversion) -> None:
         conversion.copy_number("travel_acceleration", limit)
     else:
         conversion.put(
-            "travel_acceleration", preset.number(printing), printing, "the acceleration while printing"
+            "travel_acceleration", preset.read_number(printing), printing, "the acceleration while printing"
         )
 
 
 def _convert_corner_method(conversion: Conversion) -> None:
     """Convert the method that limits speeds at corners: jerk, junction deviation or square corner velocity."""
     preset = conversion.preset
-    jerk = min(preset.number("machine_max_jerk_x"), preset.number("machine_max_jerk_y"))
+    jerk = min(preset.read_number("machine_max_jerk_x"), preset.read_number("machine_max_jerk_y"))
     names = ("machine_max_jerk_x", "machine_max_jerk_y")
-    differs_by_axis = preset.number(names[0]) != preset.number(names[1])
+    differs_by_axis = preset.read_number(names[0]) != preset.read_number(names[1])
     deviation = "machine_max_junction_deviation"
     if conversion.values["flavour"] == "klipper":
         conversion.put("corner", "square_corner", "gcode_flavor")
         conversion.clamp(
             "square_corner_velocity", jerk, 0, 100, names, "jerk of x and y, as in the source's time estimate"
         )
-        conversion.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+        conversion.clamp("jerk_e", preset.read_number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
         return
-    if preset.has(deviation) and preset.number(deviation) > 0:
+    if preset.has(deviation) and preset.read_number(deviation) > 0:
         conversion.put("corner", "junction_deviation", deviation)
         conversion.copy_number("junction_deviation", deviation)
         return
     conversion.put("corner", "jerk", names)
     conversion.clamp("jerk_xy", jerk, 0, 100, names, "the lesser of x and y" if differs_by_axis else "")
-    conversion.clamp("jerk_z", preset.number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
-    conversion.clamp("jerk_e", preset.number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
+    conversion.clamp("jerk_z", preset.read_number("machine_max_jerk_z"), 0, 100, "machine_max_jerk_z")
+    conversion.clamp("jerk_e", preset.read_number("machine_max_jerk_e"), 0, 100, "machine_max_jerk_e")
 
 
 def _convert_retraction(conversion: Conversion) -> None:
     """Convert retraction, z hop and wipe."""
     preset = conversion.preset
-    length, speed = conversion.copy_number("retract_length", "retract_length"), preset.number("retract_speed")
+    length, speed = (
+        conversion.copy_number("retract_length", "retract_length"),
+        preset.read_number("retract_speed"),
+    )
     conversion.copy_number("retract_speed", "retract_speed")
-    own_deretract_speed = preset.number("deretract_speed")
+    own_deretract_speed = preset.read_number("deretract_speed")
     conversion.put(
         "deretract_speed",
         own_deretract_speed or speed,
@@ -296,11 +303,11 @@ def _convert_retraction(conversion: Conversion) -> None:
         "" if own_deretract_speed else "0 means the speed of retractions",
     )
     conversion.clamp(
-        "retract_before_travel", preset.number("retract_before_travel"), 0, 100, "retract_before_travel"
+        "retract_before_travel", preset.read_number("retract_before_travel"), 0, 100, "retract_before_travel"
     )
-    conversion.clamp("z_hop", preset.number("retract_lift"), 0, 5, "retract_lift")
+    conversion.clamp("z_hop", preset.read_number("retract_lift"), 0, 5, "retract_lift")
     conversion.clamp(
-        "deretract_extra", preset.number("retract_restart_extra"), -2, 2, "retract_restart_extra"
+        "deretract_extra", preset.read_number("retract_restart_extra"), -2, 2, "retract_restart_extra"
     )
     firmware = conversion.copy_switch("firmware_retraction", "use_firmware_retraction")
     if conversion.values["flavour"] == "repetier" and firmware:
@@ -325,10 +332,10 @@ def _convert_wipe(conversion: Conversion, length: float, speed: float, *, firmwa
         firmware: whether the firmware retracts, which then does not wipe.
     """
     preset = conversion.preset
-    if preset.is_on("wipe") and not firmware and preset.raw("wipe_distance"):
+    if preset.is_on("wipe") and not firmware and preset.read_raw("wipe_distance"):
         conversion.clamp(
             "wipe_distance",
-            preset.number("wipe_distance"),
+            preset.read_number("wipe_distance"),
             0,
             20,
             ("wipe_distance", "wipe", "retract_before_wipe"),
@@ -352,14 +359,14 @@ def _convert_file_settings(conversion: Conversion) -> None:
     conversion.copy_switch("relative_extrusion", "use_relative_e_distances")
     if preset.has("remaining_times"):
         conversion.copy_switch("progress", "remaining_times")
-    if preset.has("serial_speed") and 1200 <= preset.number("serial_speed") <= 12_000_000:
-        conversion.put("baud", int(preset.number("serial_speed")), "serial_speed")
+    if preset.has("serial_speed") and 1200 <= preset.read_number("serial_speed") <= 12_000_000:
+        conversion.put("baud", int(preset.read_number("serial_speed")), "serial_speed")
     conversion.mark_used(["thumbnails", "thumbnails_format"])
     if not preset.has("thumbnails"):
         return
-    usual = preset.text("thumbnails_format").upper() or "PNG"
+    usual = preset.read_text("thumbnails_format").upper() or "PNG"
     kept, lost = [], []
-    for word in preset.items("thumbnails"):
+    for word in preset.read_items("thumbnails"):
         size, _, form = word.partition("/")
         form = form.strip().upper() or usual
         fits = re.fullmatch(r"[1-9]\d{0,3}x[1-9]\d{0,3}", size) and max(map(int, size.split("x"))) <= 1024

@@ -9,9 +9,9 @@ from itertools import chain, count
 from typing import Any, Final
 
 from printer_slicer.importing.results import ImportedProfile
-from printer_slicer.profile.template import toml_value
+from printer_slicer.profile.template import format_toml_value
 
-__all__ = ["file_names", "profile_text", "short_name"]
+__all__ = ["choose_file_names", "format_profile", "make_short_name"]
 
 _LONGEST_NAME: Final = 40  # characters
 _LONGEST_SHORT_NAME: Final = 32
@@ -34,7 +34,7 @@ def _is_never_taken(_kind: str, _file_name: str, _name: str) -> bool:
     return False
 
 
-def file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _is_never_taken) -> list[str]:
+def choose_file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _is_never_taken) -> list[str]:
     """Return a short file name without suffix for each profile; names of one kind are unique.
 
     Args:
@@ -44,7 +44,7 @@ def file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _is_neve
     used: set[tuple[str, str]] = set()
     names = []
     for one in profiles:
-        short = short_name(one.name) or one.kind
+        short = make_short_name(one.name) or one.kind
         candidates = chain(
             (short, _make_slug(_strip_folder(one.name), _LONGEST_NAME) or one.kind),
             (f"{short}_{number}" for number in count(2)),
@@ -59,7 +59,7 @@ def file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _is_neve
     return names
 
 
-def short_name(name: str) -> str:
+def make_short_name(name: str) -> str:
     """Return a short file name for a preset; empty if its name has no letters or digits.
 
     The text after `@` and a nozzle of 0.4 mm are omitted.
@@ -84,7 +84,7 @@ def _make_slug(name: str, longest: int) -> str:
     return f"{slug}_" if _RESERVED.fullmatch(slug) else slug
 
 
-def profile_text(profile: ImportedProfile) -> str:
+def format_profile(profile: ImportedProfile) -> str:
     """Return the text of a profile's file, with comments that explain converted settings.
 
     Args:
@@ -118,7 +118,7 @@ def _format_setting(key: str, value: Any, comment: str) -> Iterator[str]:
     """Yield the lines of a key and its value; in a list of tables, each table has its own line."""
     if isinstance(value, list) and value and isinstance(value[0], dict):
         yield f"{key} = [{comment}"
-        yield from (f"  {toml_value(one)}," for one in value)
+        yield from (f"  {format_toml_value(one)}," for one in value)
         yield "]"
     else:
         yield f"{key} = {_format_value(value)}{comment}"
@@ -126,7 +126,7 @@ def _format_setting(key: str, value: Any, comment: str) -> Iterator[str]:
 
 def _format_value(value: Any) -> str:
     """Format a value as TOML; texts of several lines keep their lines."""
-    return toml_value(value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value)
+    return format_toml_value(value.strip("\n") + "\n" if isinstance(value, str) and "\n" in value else value)
 
 
 def _replace_control_characters(text: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.macros.names import add_names_of_other_slicers
-from printer_slicer.profile import Profile, settings_text
+from printer_slicer.profile import Profile, list_settings
 
 __all__ = ["describe_profile"]
 
@@ -32,7 +32,7 @@ def describe_profile(profile: Profile, typed: Collection[str]) -> dict[str, str]
         profile: the profile.
         typed: PrusaSlicer's names of the settings that a user typed.
     """
-    plain: dict[str, Any] = {key.partition(".")[2]: value for key, value in settings_text(profile)}
+    plain: dict[str, Any] = {key.partition(".")[2]: value for key, value in list_settings(profile)}
     speeds = {
         f"quality.speeds.{key}": getattr(profile.speeds, key)
         for key in type(profile.speeds).__struct_fields__

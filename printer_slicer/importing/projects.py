@@ -10,7 +10,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.archives import read_archive
 from printer_slicer.importing.embedded_settings import OBJECTS_IN_3MF, SETTINGS_IN_3MF
 from printer_slicer.importing.ini import SourceSetting
-from printer_slicer.importing.object_overrides import flatten_settings, overridable_settings
+from printer_slicer.importing.object_overrides import flatten_settings, list_overridable_settings
 from printer_slicer.importing.orca_names import ORCA_DEFAULTS
 from printer_slicer.importing.presets import ObjectSettings, Preset, parse_quantity
 from printer_slicer.importing.project_objects import read_object_settings
@@ -101,7 +101,7 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
         before = convert_quality(base)
         made = convert_quality(replace(base, entries={**base.entries, **plain}))
     except ProfileError as error:
-        return Project(unused=(f"{settings.where}: its settings are not used: {error.args[0]}",))
+        return Project(unused=(f"{settings.place}: its settings are not used: {error.args[0]}",))
     source_names = {entry.name for entry in plain.values()}
     known, values = dict(flatten_settings(before.values)), dict(flatten_settings(made.values))
     wanted = {key for key, value in values.items() if known.get(key) != value}
@@ -109,7 +109,7 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
     kept = {
         key: values[key]
         for key in wanted
-        if key in values and key in overridable_settings(heights=bool(settings.high))
+        if key in values and key in list_overridable_settings(heights=bool(settings.high))
     }
     table: dict[str, Any] = {"object": settings.object, "set": dict(sorted(kept.items()))}
     if settings.high:
@@ -123,8 +123,8 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
     return Project(
         (table,) if kept else (),
         heights,
-        (f"{settings.where}: {summary} (from the project)",) if summary else (),
-        tuple(f"{settings.where}: {text}" for text in lost),
+        (f"{settings.place}: {summary} (from the project)",) if summary else (),
+        tuple(f"{settings.place}: {text}" for text in lost),
     )
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["DEFAULTS", "METADATA", "setting_kind"]
+__all__ = ["DEFAULTS", "METADATA", "find_setting_kind"]
 
 _PRINTER: Final = re.compile(
     r"machine_\w+|retract_\w+|deretract_speed|display_\w+|thumbnails\w*|printer_\w+|serial_\w+|print_host|printhost_\w+"
@@ -146,7 +146,7 @@ DEFAULTS: Final[Mapping[str, str]] = {
 """Defaults of the settings that have an equivalent here or that occur in conditions."""
 
 
-def setting_kind(name: str) -> str:
+def find_setting_kind(name: str) -> str:
     """Return the kind of preset that a setting belongs to: `printer`, `material` or `quality`."""
     if _PRINTER.fullmatch(name):
         return "printer"

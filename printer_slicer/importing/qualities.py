@@ -126,7 +126,7 @@ def convert_quality(preset: Preset) -> ImportedProfile:
     conversion.put("planner", {"kind": "uniform"})
     height = conversion.copy_number("layer_height", "layer_height")
     if not 0.01 <= height <= 1.6:
-        raise conversion.error(
+        raise conversion.make_error(
             "layer_height", f"a layer height of {height:g} mm is out of range", "Choose 0.01 to 1.6 mm"
         )
     _convert_layers(conversion, height)
@@ -149,14 +149,14 @@ def _find_nozzle(conversion: Conversion) -> tuple[float, str]:
     try:
         return float(str(evaluate_setting("nozzle_diameter", known))), "of the nozzle"
     except (MacroFault, ValueError):
-        found = _NOZZLE_CONDITION.search(preset.raw("compatible_printers_condition"))
+        found = _NOZZLE_CONDITION.search(preset.read_raw("compatible_printers_condition"))
         value = float(found[1]) if found else 0.4
         return (value, f"of the {value:g} mm nozzle it is for") if found else (0.4, "of a 0.4 mm nozzle")
 
 
 def _convert_layers(conversion: Conversion, height: float) -> None:
     """Convert the first layer height, the resolution, arcs, and the compensation of contours."""
-    found = conversion.quantity("first_layer_height")
+    found = conversion.read_quantity("first_layer_height")
     nozzle, whose = (
         _find_nozzle(conversion)
         if conversion.preset.dialect == "superslicer"
@@ -165,9 +165,11 @@ def _convert_layers(conversion: Conversion, height: float) -> None:
     first = found.resolve(nozzle) or height
     how = f"percentage {whose}" if found.is_percent else "" if found.value else "0 means layer_height"
     conversion.clamp("first_layer_height", first, 0, 1.6, "first_layer_height", how)
-    resolution = conversion.preset.number("resolution") or conversion.preset.number("gcode_resolution")
+    resolution = conversion.preset.read_number("resolution") or conversion.preset.read_number(
+        "gcode_resolution"
+    )
     conversion.clamp("resolution", resolution, 0, 0.2, ("resolution", "gcode_resolution"))
-    if conversion.preset.word("arc_fitting", [*_ARCS, "disabled", *OFF_WORDS]) in _ARCS:
+    if conversion.preset.read_word("arc_fitting", [*_ARCS, "disabled", *OFF_WORDS]) in _ARCS:
         conversion.clamp("arc_tolerance", max(resolution, 0.0125), 0, 0.2, "arc_fitting", "the resolution")
     else:
         conversion.switch_off("arc_tolerance", 0, "arc_fitting")
@@ -177,20 +179,20 @@ def _convert_layers(conversion: Conversion, height: float) -> None:
 def _convert_compensation(conversion: Conversion, height: float) -> None:
     """Convert the compensation of contours, holes and the first layer."""
     preset = conversion.preset
-    offset = preset.number("xy_size_compensation")
+    offset = preset.read_number("xy_size_compensation")
     conversion.clamp("xy_compensation", offset, -1, 1, "xy_size_compensation")
     if preset.has("xy_hole_compensation"):  # OrcaSlicer's setting has the same sign as ours
         conversion.clamp(
-            "hole_compensation", preset.number("xy_hole_compensation"), -1, 1, "xy_hole_compensation"
+            "hole_compensation", preset.read_number("xy_hole_compensation"), -1, 1, "xy_hole_compensation"
         )
     else:
         inner = "xy_inner_size_compensation"
-        holes = preset.number(inner) if preset.has(inner) else offset
+        holes = preset.read_number(inner) if preset.has(inner) else offset
         names = ["xy_size_compensation", inner]
         if preset.has("hole_size_compensation"):  # SuperSlicer's extra compensation of convex holes
-            holes += preset.number("hole_size_compensation")
+            holes += preset.read_number("hole_size_compensation")
             names = ["hole_size_compensation", *names]
-        how = "applies to all holes" if preset.number("hole_size_compensation") else ""
+        how = "applies to all holes" if preset.read_number("hole_size_compensation") else ""
         conversion.clamp("hole_compensation", -holes, -1, 1, names, how)
     _convert_elephant_foot(conversion, height)
 
@@ -198,16 +200,16 @@ def _convert_compensation(conversion: Conversion, height: float) -> None:
 def _convert_elephant_foot(conversion: Conversion, height: float) -> None:
     """Convert elephant foot compensation; SuperSlicer's setting is negative, and can apply to several layers."""
     preset, name = conversion.preset, "first_layer_size_compensation"
-    if not preset.number(name):
+    if not preset.read_number(name):
         name = "elefant_foot_compensation"
         conversion.mark_used(["first_layer_size_compensation"])
-        conversion.clamp("elephant_foot", max(preset.number(name), 0), 0, 1, name)
+        conversion.clamp("elephant_foot", max(preset.read_number(name), 0), 0, 1, name)
         return
-    inset = -preset.number(name)
+    inset = -preset.read_number(name)
     conversion.clamp(
         "elephant_foot", inset, 0, 1, (name, "elefant_foot_compensation"), "positive values shrink here"
     )
-    layers = preset.number(f"{name}_layers")
+    layers = preset.read_number(f"{name}_layers")
     if layers > 1:
         first = float(conversion.values["first_layer_height"])
         fading = first + (layers - 1) * height
@@ -228,11 +230,11 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
 
     def width(name: str, layer: float) -> float:
         """Return a width in mm; 0: automatic."""
-        return preset.quantity(name).resolve(nozzle if is_of_nozzle else layer)
+        return preset.read_quantity(name).resolve(nozzle if is_of_nozzle else layer)
 
     name = next((one for one in (_WIDTHS[0], "extrusion_width") if width(one, height)), "")
     perimeter_width = width(name, height) if name else 1.125 * nozzle
-    percent = bool(name) and preset.quantity(name).is_percent
+    percent = bool(name) and preset.read_quantity(name).is_percent
     differing = {
         one for one in _WIDTHS if width(one, height) and abs(width(one, height) - perimeter_width) > 1e-6
     }
@@ -243,14 +245,14 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
     else:
         conversion.put("extrusion_width", 0, "extrusion_width", "automatic: 1.125 nozzle diameters")
     if _EXTERNAL_WIDTH in differing:
-        how = part if preset.quantity(_EXTERNAL_WIDTH).is_percent else ""
+        how = part if preset.read_quantity(_EXTERNAL_WIDTH).is_percent else ""
         conversion.clamp(
             "external_perimeter_width", width(_EXTERNAL_WIDTH, height), 0, 4, _EXTERNAL_WIDTH, how
         )
     else:
         conversion.switch_off("external_perimeter_width", 0, _EXTERNAL_WIDTH)
     first = width("first_layer_extrusion_width", float(conversion.values["first_layer_height"]))
-    found = preset.quantity("first_layer_extrusion_width")
+    found = preset.read_quantity("first_layer_extrusion_width")
     what = f"percentage {whose if is_of_nozzle else 'of first_layer_height'}" if found.is_percent else ""
     conversion.clamp("first_layer_width", first, 0, 4, "first_layer_extrusion_width", what)
     return perimeter_width
@@ -259,8 +261,8 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
 def _convert_perimeters(conversion: Conversion) -> None:
     """Convert the number, the widths and the order of perimeters, and the seam."""
     preset = conversion.preset
-    conversion.clamp("perimeters", int(preset.number("perimeters")), 0, 100, "perimeters")
-    classic = preset.text("perimeter_generator") == "classic"
+    conversion.clamp("perimeters", int(preset.read_number("perimeters")), 0, 100, "perimeters")
+    classic = preset.read_text("perimeter_generator") == "classic"
     how = "gaps and thin walls are filled with variable extrusion width" if classic else ""
     conversion.put(
         "varying_walls", True, ("perimeter_generator", "thin_walls", "gap_fill_enabled"), how, differs=classic
@@ -272,14 +274,14 @@ def _convert_perimeters(conversion: Conversion) -> None:
             conversion.copy_switch("extra_perimeters", name)
     for name in ("top_one_perimeter_type", "only_one_perimeter_top"):
         if preset.has(name):
-            word = preset.word(name, _SINGLE_TOP_PERIMETERS)
+            word = preset.read_word(name, _SINGLE_TOP_PERIMETERS)
             conversion.put("single_top_perimeter", word not in ("none", *OFF_WORDS), name)
     if preset.has("staggered_inner_seams"):
         conversion.copy_switch("staggered_inner_seams", "staggered_inner_seams")
     conversion.convert_choice("seam", "seam_position", _SEAMS, {}, "aligned")
     _convert_scarf_joints(conversion)
     conversion.copy_switch("avoid_crossing", "avoid_crossing_perimeters")
-    detour = preset.quantity("avoid_crossing_perimeters_max_detour")
+    detour = preset.read_quantity("avoid_crossing_perimeters_max_detour")
     if not detour.is_percent:
         # In the source, 0 means no limit.
         conversion.clamp(
@@ -297,7 +299,7 @@ def _convert_bead_widths(conversion: Conversion) -> None:
         ("min_feature", "min_feature_size", 25),
     ):
         if preset.has(theirs):
-            found = preset.quantity(theirs)
+            found = preset.read_quantity(theirs)
             same = found.is_percent and found.value == perimeter_width
             conversion.clamp(
                 ours,
@@ -312,8 +314,8 @@ def _convert_bead_widths(conversion: Conversion) -> None:
 def _convert_perimeter_order(conversion: Conversion) -> None:
     """Convert the order of perimeters and infill."""
     preset = conversion.preset
-    name = "wall_sequence" if preset.text("wall_sequence") else "wall_infill_order"
-    if order := preset.word(name, _WALL_ORDERS):
+    name = "wall_sequence" if preset.read_text("wall_sequence") else "wall_infill_order"
+    if order := preset.read_word(name, _WALL_ORDERS):
         conversion.put("external_perimeter_first", order.startswith("outer wall"), name)
     else:
         conversion.copy_switch("external_perimeter_first", "external_perimeters_first")
@@ -324,7 +326,7 @@ def _convert_scarf_joints(conversion: Conversion) -> None:
     """Convert scarf joints."""
     preset = conversion.preset
     kind, length = "seam_slope_type", "seam_slope_min_length"
-    if preset.word(kind, ["none", *_SCARFS]) not in _SCARFS:
+    if preset.read_word(kind, ["none", *_SCARFS]) not in _SCARFS:
         conversion.switch_off("scarf_length", 0, kind)
         conversion.mark_used(name for name in preset.entries if name.startswith(("seam_slope_", "scarf_")))
         return
@@ -333,17 +335,17 @@ def _convert_scarf_joints(conversion: Conversion) -> None:
         text
         for text, there in (
             ("around the whole loop in the source", is_entire_loop),
-            ("also in holes here", preset.text(kind) == "external"),
+            ("also in holes here", preset.read_text(kind) == "external"),
             ("also at corners here", preset.is_on("seam_slope_conditional")),
         )
         if there
     )
-    reach = 100.0 if is_entire_loop else preset.number(length)
+    reach = 100.0 if is_entire_loop else preset.read_number(length)
     names = (kind, length, "seam_slope_entire_loop", "seam_slope_conditional", "scarf_angle_threshold")
     conversion.clamp("scarf_length", reach, 0, 100, names, how)
     if how:
         conversion.mark_different()
-    start = preset.quantity("seam_slope_start_height")
+    start = preset.read_quantity("seam_slope_start_height")
     share = start.value / 100 if start.is_percent else start.value / float(conversion.values["layer_height"])
     how = "as a ratio of the layer height" if start.value and not start.is_percent else ""
     conversion.clamp("scarf_start", share, 0, 0.9, "seam_slope_start_height", how)
@@ -358,29 +360,34 @@ def _convert_shells(conversion: Conversion, height: float) -> None:
     preset = conversion.preset
     first = float(conversion.values["first_layer_height"])
     for side, begin in (("bottom", first), ("top", height)):
-        count, least = preset.number(f"{side}_solid_layers"), preset.number(f"{side}_solid_min_thickness")
+        count, least = (
+            preset.read_number(f"{side}_solid_layers"),
+            preset.read_number(f"{side}_solid_min_thickness"),
+        )
         thickness = begin + (count - 1) * height if count >= 1 else 0.0
         how = "" if least > thickness else f"{count:g} layers" if count else ""
         names = (f"{side}_solid_layers", f"{side}_solid_min_thickness")
         conversion.clamp(f"{side}_thickness", max(thickness, least if count else 0), 0, 1000, names, how)
     name = "ensure_vertical_shell_thickness"
-    full = preset.word(name, [*_VERTICAL_SHELLS, *_NO_VERTICAL_SHELLS]) not in _NO_VERTICAL_SHELLS
+    full = preset.read_word(name, [*_VERTICAL_SHELLS, *_NO_VERTICAL_SHELLS]) not in _NO_VERTICAL_SHELLS
     how = "0.9 of the shell thickness on slopes" if full else ""
     conversion.put("slope_shell_ratio", 0.9 if full else 0, name, how, differs=full)
     _convert_ironing(conversion)
     conversion.copy_switch("thick_bridges", "thick_bridges")
-    conversion.clamp("bridge_flow_ratio", preset.number("bridge_flow_ratio"), 0.3, 2, "bridge_flow_ratio")
+    conversion.clamp(
+        "bridge_flow_ratio", preset.read_number("bridge_flow_ratio"), 0.3, 2, "bridge_flow_ratio"
+    )
     conversion.mark_used(["top_fill_pattern", "bottom_fill_pattern", "external_fill_pattern"])
 
 
 def _convert_ironing(conversion: Conversion) -> None:
     """Convert ironing; OrcaSlicer switches it on by its type."""
     preset = conversion.preset
-    word = preset.word("ironing_type", [*_IRONED, *_NOT_IRONED])
+    word = preset.read_word("ironing_type", [*_IRONED, *_NOT_IRONED])
     is_ironed = word not in _NOT_IRONED if preset.dialect == "orca" else preset.is_on("ironing")
     how = _IRONED.get(word, "") if is_ironed else ""
     conversion.put("ironing", is_ironed, ("ironing", "ironing_type"), how, differs=bool(how))
-    conversion.clamp("ironing_spacing", preset.number("ironing_spacing"), 0.1, 1, "ironing_spacing")
+    conversion.clamp("ironing_spacing", preset.read_number("ironing_spacing"), 0.1, 1, "ironing_spacing")
     conversion.clamp(
         "ironing_flow_ratio", conversion.resolve("ironing_flowrate", 1.0), 0.01, 0.3, "ironing_flowrate"
     )
@@ -390,26 +397,30 @@ def _convert_infill(conversion: Conversion, height: float, width: float) -> None
     """Convert the pattern, the density, the direction and the anchors of infill."""
     preset = conversion.preset
     conversion.convert_choice("infill", "fill_pattern", _PATTERNS, _NEAR_PATTERNS, "rectilinear")
-    density = preset.quantity("fill_density")
+    density = preset.read_quantity("fill_density")
     share = density.value / 100 if density.is_percent or density.value > 1 else density.value
     if not 0 <= share <= 1:
-        raise conversion.error(
+        raise conversion.make_error(
             "fill_density", f"a density of {100 * share:g} % is out of range", "Write 0 to 100 %"
         )
     conversion.put("infill_density", share, "fill_density")
     if preset.has("infill_overlap"):
         _convert_overlap(conversion, height, width)
-    conversion.clamp("infill_angle_deg", preset.number("fill_angle"), -360, 360, "fill_angle")
+    conversion.clamp("infill_angle_deg", preset.read_number("fill_angle"), -360, 360, "fill_angle")
     conversion.clamp(
-        "solid_infill_below_area", preset.number("solid_infill_below_area"), 0, 1e6, "solid_infill_below_area"
+        "solid_infill_below_area",
+        preset.read_number("solid_infill_below_area"),
+        0,
+        1e6,
+        "solid_infill_below_area",
     )
     for name, most in (("infill_anchor", 50), ("infill_anchor_max", 1000)):
-        found = preset.quantity(name)
+        found = preset.read_quantity(name)
         length = min(found.resolve(width), most)  # in the source, 1000 means no limit
         how = "percentage of the extrusion width" if found.is_percent else ""
         how = how if length == found.resolve(width) else f"{most} is the maximum here"
         conversion.clamp(name, length, 0, most, name, how)
-    every = preset.number("infill_every_layers")
+    every = preset.read_number("infill_every_layers")
     if every > 1:
         conversion.clamp(
             "internal_infill_every", every * height, 0, 2, "infill_every_layers", f"{every:g} layers"
@@ -423,7 +434,7 @@ def _convert_overlap(conversion: Conversion, height: float, width: float) -> Non
     spacing = float(bead.spacing(width, height))
     solid = "solid_infill_overlap" if conversion.preset.has("solid_infill_overlap") else "infill_overlap"
     for ours, theirs in (("infill_overlap", solid), ("internal_infill_overlap", "infill_overlap")):
-        found = conversion.quantity(theirs)
+        found = conversion.read_quantity(theirs)
         how = "" if found.is_percent else "as a ratio of the spacing"
         conversion.clamp(ours, round(found.resolve(spacing) / spacing, 4), 0, 0.5, theirs, how)
 
@@ -432,11 +443,11 @@ def _convert_adhesion(conversion: Conversion, height: float) -> None:
     """Convert skirt, brim and raft."""
     preset = conversion.preset
     first = float(conversion.values["first_layer_height"])
-    conversion.clamp("skirt_loops", int(preset.number("skirts")), 0, 20, "skirts")
-    conversion.clamp("skirt_distance", preset.number("skirt_distance"), 0, 50, "skirt_distance")
-    conversion.clamp("skirt_min_length", preset.number("min_skirt_length"), 0, 10000, "min_skirt_length")
-    layers = preset.number("skirt_height")
-    is_draft_shield = preset.word("draft_shield", _DRAFT_SHIELDS) in ("enabled", *ON_WORDS)
+    conversion.clamp("skirt_loops", int(preset.read_number("skirts")), 0, 20, "skirts")
+    conversion.clamp("skirt_distance", preset.read_number("skirt_distance"), 0, 50, "skirt_distance")
+    conversion.clamp("skirt_min_length", preset.read_number("min_skirt_length"), 0, 10000, "min_skirt_length")
+    layers = preset.read_number("skirt_height")
+    is_draft_shield = preset.read_word("draft_shield", _DRAFT_SHIELDS) in ("enabled", *ON_WORDS)
     skirt_height = 10000 if is_draft_shield else first + (layers - 1) * height if layers > 1 else 0
     conversion.clamp(
         "skirt_height",
@@ -453,32 +464,38 @@ def _convert_adhesion(conversion: Conversion, height: float) -> None:
 def _convert_brim(conversion: Conversion) -> None:
     """Convert the brim."""
     preset = conversion.preset
-    none = preset.word("brim_type", [*_BRIMS, *_NEAR_BRIMS, *_NO_BRIM]) in _NO_BRIM
+    none = preset.read_word("brim_type", [*_BRIMS, *_NEAR_BRIMS, *_NO_BRIM]) in _NO_BRIM
     conversion.clamp(
-        "brim_width", 0 if none else preset.number("brim_width"), 0, 50, ("brim_width", "brim_type")
+        "brim_width", 0 if none else preset.read_number("brim_width"), 0, 50, ("brim_width", "brim_type")
     )
     if preset.is_on("brim_ears"):  # a switch of SuperSlicer and old versions of OrcaSlicer
         conversion.put("brim_type", "ears", "brim_ears")
         if preset.has("brim_ears_max_angle"):
             conversion.clamp(
-                "brim_ear_angle_deg", preset.number("brim_ears_max_angle"), 0, 180, "brim_ears_max_angle"
+                "brim_ear_angle_deg", preset.read_number("brim_ears_max_angle"), 0, 180, "brim_ears_max_angle"
             )
     elif not none:
         conversion.convert_choice("brim_type", "brim_type", _BRIMS, _NEAR_BRIMS, "outer")
-    conversion.clamp("brim_gap", max(preset.number("brim_separation"), 0), 0, 5, "brim_separation")
+    conversion.clamp("brim_gap", max(preset.read_number("brim_separation"), 0), 0, 5, "brim_separation")
 
 
 def _convert_raft(conversion: Conversion, height: float) -> None:
     """Convert the raft; a part on a raft has no brim."""
     preset = conversion.preset
     first = float(conversion.values["first_layer_height"])
-    raft = preset.number("raft_layers")
+    raft = preset.read_number("raft_layers")
     conversion.mark_used(_RAFT_SETTINGS)
     if raft >= 1:
         conversion.clamp("raft_height", first + (raft - 1) * height, 0, 50, "raft_layers", f"{raft:g} layers")
-        conversion.clamp("raft_gap", preset.number("raft_contact_distance"), 0, 1, "raft_contact_distance")
         conversion.clamp(
-            "raft_margin", preset.number("raft_first_layer_expansion"), 1, 50, "raft_first_layer_expansion"
+            "raft_gap", preset.read_number("raft_contact_distance"), 0, 1, "raft_contact_distance"
+        )
+        conversion.clamp(
+            "raft_margin",
+            preset.read_number("raft_first_layer_expansion"),
+            1,
+            50,
+            "raft_first_layer_expansion",
         )
         conversion.clamp(
             "raft_base_density",

@@ -94,7 +94,7 @@ class ImportedProfile(Struct, frozen=True):
     settings: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def approximated(self) -> tuple[ConvertedSetting, ...]:
+    def converted_settings(self) -> tuple[ConvertedSetting, ...]:
         """The settings that were converted, not copied."""
         return tuple(one for one in self.taken if one.how)
 

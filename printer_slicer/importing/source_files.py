@@ -25,8 +25,8 @@ from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.project_objects import read_object_settings
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
-from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, settings_in_gcode
-from printer_slicer.profile.reading import flatten
+from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, read_settings_from_gcode
+from printer_slicer.profile.reading import flatten_tables
 from printer_slicer.values import replace
 
 __all__ = ["PresetsInFile", "read_presets"]
@@ -84,7 +84,10 @@ def read_presets(
         if path.name.endswith((".inst.cfg", ".curaprofile")):
             return _load_cura_profile(path, folders, changes)
         if path.suffix.lower() in _GCODE_SUFFIXES and is_printer_slicer_gcode(path):
-            return [_make_native_profile(kind, part, path) for kind, part in settings_in_gcode(path).items()]
+            return [
+                _make_native_profile(kind, part, path)
+                for kind, part in read_settings_from_gcode(path).items()
+            ]
         return _read_presets(path, folders, changes)
     except OSError as error:
         raise ProfileError(
@@ -198,5 +201,7 @@ def _parse_orca_value(entry: SourceSetting) -> str | list[str]:
 
 def _make_native_profile(kind: str, part: dict[str, Any], path: Path) -> ImportedProfile:
     """Make a profile from settings in G-code of this program."""
-    taken = tuple(ConvertedSetting(f"{kind}.{key}", str(value), key, value) for key, value in flatten(part))
+    taken = tuple(
+        ConvertedSetting(f"{kind}.{key}", str(value), key, value) for key, value in flatten_tables(part)
+    )
     return ImportedProfile(kind, str(part["name"]) or path.stem, str(path), part, taken)

@@ -86,7 +86,7 @@ def convert_speeds(conversion: Conversion) -> None:
     _convert_gap_fill_and_raft(conversion)
     _convert_first_layer(conversion)
     _convert_small_perimeters(conversion)
-    travel = conversion.preset.number("travel_speed")
+    travel = conversion.preset.read_number("travel_speed")
     _check_not_negative(conversion, "travel_speed", travel)
     conversion.clamp("speeds.travel", travel, 0.1, 2000, "travel_speed")
     _convert_first_layer_travel(conversion, travel)
@@ -101,7 +101,7 @@ def _convert_speed(conversion: Conversion, ours: str, theirs: str) -> None:
     """Convert one speed."""
     if theirs == "bridge_speed_internal":  # SuperSlicer renamed it
         names = (theirs, "internal_bridge_speed")
-        theirs = next((one for one in names if conversion.preset.raw(one)), "bridge_speed")
+        theirs = next((one for one in names if conversion.preset.read_raw(one)), "bridge_speed")
     value, how = _resolve_speed(conversion, theirs)
     conversion.clamp(f"speeds.{ours}", value, 0.1, 1000, theirs, how)
 
@@ -118,24 +118,26 @@ def _find_percent_base(conversion: Conversion, name: str, default: str) -> str:
 def _resolve_speed(conversion: Conversion, name: str) -> tuple[float, str]:
     """Return a speed in mm/s, and how it was converted."""
     if name.startswith("machine_"):
-        return conversion.printer_number(name), ""
-    found = conversion.quantity(name)
+        return conversion.read_printer_number(name), ""
+    found = conversion.read_quantity(name)
     _check_not_negative(conversion, name, found.value)
     if found.is_percent:
         whole = _find_percent_base(conversion, name, _MAX_SPEED)
         base = (
-            conversion.preset.number(whole) if whole == _MAX_SPEED else _resolve_speed(conversion, whole)[0]
+            conversion.preset.read_number(whole)
+            if whole == _MAX_SPEED
+            else _resolve_speed(conversion, whole)[0]
         )
         return found.resolve(base), f"percentage of {whole}"
     if found.value == 0:  # automatic: limited by the flow and by max_print_speed
-        return conversion.preset.number(_MAX_SPEED) or 80.0, f"0 means up to {_MAX_SPEED}"
+        return conversion.preset.read_number(_MAX_SPEED) or 80.0, f"0 means up to {_MAX_SPEED}"
     return found.value, ""
 
 
 def _check_not_negative(conversion: Conversion, name: str, value: float) -> None:
     """Raise an error if a speed is negative."""
     if value < 0:
-        raise conversion.error(name, f"a speed of {value:g} is negative", "Write a positive speed")
+        raise conversion.make_error(name, f"a speed of {value:g} is negative", "Write a positive speed")
 
 
 def _convert_gap_fill_and_raft(conversion: Conversion) -> None:
@@ -144,7 +146,7 @@ def _convert_gap_fill_and_raft(conversion: Conversion) -> None:
     A gap fill speed of 0 disables gap fill in the source; here it means the perimeter speed.
     """
     name = "gap_fill_speed"
-    value, how = _resolve_speed(conversion, name) if conversion.quantity(name).value else (0.0, "")
+    value, how = _resolve_speed(conversion, name) if conversion.read_quantity(name).value else (0.0, "")
     conversion.clamp("speeds.gap_fill", value, 0, 1000, name, how)
     if conversion.preset.has("raft_speed"):
         _convert_speed(conversion, "raft", "raft_speed")
@@ -157,7 +159,7 @@ def _convert_first_layer(conversion: Conversion) -> None:
         float(speeds[key]) for key in ("perimeter", "internal_infill", "solid_infill")
     )
     name, infill = "first_layer_speed", "first_layer_infill_speed"
-    found = conversion.quantity(name)
+    found = conversion.read_quantity(name)
     _check_not_negative(conversion, name, found.value)
     if found.is_percent:
         value, how = found.resolve(perimeter), "percentage of the perimeter speed"
@@ -166,7 +168,7 @@ def _convert_first_layer(conversion: Conversion) -> None:
     if not value:
         value, how = max(perimeter, internal), "0 means no limit"
     conversion.clamp("speeds.first_layer", value, 0.1, 1000, name, how)
-    asked = conversion.quantity(infill) if conversion.quantity(infill).value else found
+    asked = conversion.read_quantity(infill) if conversion.read_quantity(infill).value else found
     theirs = infill if asked is not found else name
     _check_not_negative(conversion, theirs, asked.value)
     how = "percentage of the solid infill speed" if asked.is_percent else ""
@@ -178,7 +180,7 @@ def _convert_first_layer(conversion: Conversion) -> None:
 def _convert_first_layer_travel(conversion: Conversion, travel: float) -> None:
     """Convert the travel speed on the first layer; 0 means the normal travel speed."""
     name = "first_layer_travel_speed"
-    found = conversion.quantity(name)
+    found = conversion.read_quantity(name)
     _check_not_negative(conversion, name, found.value)
     value = found.resolve(travel)
     same = value >= travel
@@ -191,15 +193,15 @@ def _convert_first_layer_travel(conversion: Conversion, travel: float) -> None:
 def _convert_small_perimeters(conversion: Conversion) -> None:
     """Convert the speed of small perimeters, and the radius up to which it applies."""
     name, preset = "small_perimeter_speed", conversion.preset
-    found = preset.quantity(name)
+    found = preset.read_quantity(name)
     value, how = _resolve_speed(conversion, name) if found.value else (0.0, "")
     conversion.clamp("speeds.small_perimeter", value, 0, 1000, name, how)
     radius = "speeds.small_perimeter_radius"
     length, threshold = "small_perimeter_min_length", "small_perimeter_threshold"
     if preset.dialect == "orca":
-        conversion.clamp(radius, preset.number(threshold), 0, 100, threshold)
+        conversion.clamp(radius, preset.read_number(threshold), 0, 100, threshold)
     elif preset.has(length):
-        around = preset.quantity(length).resolve(conversion.printer_number("nozzle_diameter"))
+        around = preset.read_quantity(length).resolve(conversion.read_printer_number("nozzle_diameter"))
         how = (
             "radius of a circle of this length; the source speeds up gradually to small_perimeter_max_length"
         )
@@ -214,7 +216,7 @@ def _convert_overhangs(conversion: Conversion) -> None:
     outer = float(conversion.values["speeds"]["external_perimeter"])
     for share, number in _OVERHANGS:
         name = f"overhang_speed_{number}"
-        speed = preset.quantity(name).resolve(outer) if graded and preset.has(name) else 0.0
+        speed = preset.read_quantity(name).resolve(outer) if graded and preset.has(name) else 0.0
         if speed > 0:
             conversion.clamp(
                 f"speeds.overhang_{share}_ratio",
@@ -231,10 +233,10 @@ def _convert_overhangs(conversion: Conversion) -> None:
 def _convert_accelerations(conversion: Conversion) -> None:
     """Convert accelerations; 0 means another setting in the source, and the printer's value here."""
     for ours, names in _ACCELERATIONS:
-        name = next((one for one in names if conversion.quantity(one).value), _DEFAULT_ACCELERATION)
+        name = next((one for one in names if conversion.read_quantity(one).value), _DEFAULT_ACCELERATION)
         value = _resolve_acceleration(conversion, name)
         how = "" if name == names[0] or not value else f"as {name}"
-        if conversion.quantity(name).is_percent:
+        if conversion.read_quantity(name).is_percent:
             how = f"percentage of {_find_percent_base(conversion, name, _DEFAULT_ACCELERATION)}"
         conversion.mark_used(names)
         conversion.clamp(f"accelerations.{ours}", value, 0, 100000, name, how)
@@ -243,8 +245,8 @@ def _convert_accelerations(conversion: Conversion) -> None:
 def _resolve_acceleration(conversion: Conversion, name: str) -> float:
     """Return an acceleration in mm/s²; 0 if the source does not set one."""
     if name.startswith("machine_"):
-        return conversion.printer_number(name)
-    found = conversion.quantity(name)
+        return conversion.read_printer_number(name)
+    found = conversion.read_quantity(name)
     if not found.value and name != _DEFAULT_ACCELERATION:
         return _resolve_acceleration(conversion, _find_percent_base(conversion, name, _DEFAULT_ACCELERATION))
     return (

@@ -65,7 +65,7 @@ class HostSettings(Struct, frozen=True):
 
 def make_host_settings(profile: Profile, allowed: Iterable[str] = ()) -> HostSettings:
     """Return the host settings of a profile; `allowed` holds the names of the findings that are allowed."""
-    from printer_slicer.profile import settings_of  # noqa: PLC0415 - not needed when settings are read from the job store
+    from printer_slicer.profile import settings_as_dict  # noqa: PLC0415 - not needed when settings are read from the job store
 
     printer = profile.printer
     low, high = printer.corners
@@ -82,7 +82,7 @@ def make_host_settings(profile: Profile, allowed: Iterable[str] = ()) -> HostSet
         deretract_speed=printer.deretract_speed,
         travel_speed=min(100.0, printer.max_speed_x, printer.max_speed_y),
         lift_speed=min(10.0, printer.max_speed_z),
-        settings=settings_of(profile),
+        settings=settings_as_dict(profile),
         allowed=tuple(sorted(allowed)),
     )
 

@@ -1,14 +1,14 @@
 """Settings of printers, materials and qualities: definitions (`settings`), loading (`files`), checks (`checks`)."""
 
 from printer_slicer.profile.files import (
+    complete_profile,
+    list_settings,
     load_profile,
-    profile_from,
-    profile_over,
     profile_with,
-    settings_of,
-    settings_text,
+    restore_profile,
+    settings_as_dict,
 )
-from printer_slicer.profile.folders import profile_paths
+from printer_slicer.profile.folders import find_profile_paths
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import DEFAULT_NAMES, KINDS
 from printer_slicer.profile.settings import (
@@ -44,11 +44,11 @@ __all__ = [
     "Speeds",
     "StepwisePlanner",
     "UniformPlanner",
+    "complete_profile",
+    "find_profile_paths",
+    "list_settings",
     "load_profile",
-    "profile_from",
-    "profile_over",
-    "profile_paths",
     "profile_with",
-    "settings_of",
-    "settings_text",
+    "restore_profile",
+    "settings_as_dict",
 ]

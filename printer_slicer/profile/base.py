@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from printer_slicer.deprecation import warn_renamed
 from printer_slicer.profile.renamed import RENAMED
 
-__all__ = ["ANYWHERE", "EACH_HEIGHT", "EACH_OBJECT", "HEIGHT", "OBJECT", "Settings", "meta"]
+__all__ = ["ANYWHERE", "EACH_HEIGHT", "EACH_OBJECT", "HEIGHT", "OBJECT", "Settings", "make_meta"]
 
 HEIGHT = "height"
 OBJECT = "object"
@@ -20,7 +20,7 @@ EACH_HEIGHT = (HEIGHT,)
 _FORMER_ATTRIBUTES = {old.rpartition(".")[2]: new.rpartition(".")[2] for old, new in RENAMED.items()}
 
 
-def meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: Any) -> Meta:
+def make_meta(meaning: str, unit: str = "", *, own: tuple[str, ...] = (), **bounds: Any) -> Meta:
     """Return the metadata of one setting.
 
     Args:

@@ -1,4 +1,4 @@
-"""Find conflicts between settings, each of which has a valid value."""
+"""Find conflicts between settings that are valid one by one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 from printer_slicer.profile.profile import HIGHEST_BEAD, Profile
 from printer_slicer.profile.settings import OptimalPlanner, Quality
 
-__all__ = ["Conflict", "conflicts", "planner_conflicts"]
+__all__ = ["Conflict", "find_all_conflicts", "find_planner_conflicts"]
 
 LARGEST_THUMBNAIL = 1024  # px
 
@@ -29,7 +29,7 @@ class Conflict(NamedTuple):
     remedy: str
 
 
-def conflicts(profile: Profile) -> Iterator[Conflict]:
+def find_all_conflicts(profile: Profile) -> Iterator[Conflict]:
     """Yield the conflicts between the settings of a profile."""
     yield from _check_layer_heights(profile)
     yield from _check_planner(profile)
@@ -104,10 +104,10 @@ def _check_planner(profile: Profile) -> Iterator[Conflict]:
                 problem,
                 "Correct one of them: a full step is a whole number of microsteps",
             )
-    yield from planner_conflicts(quality)
+    yield from find_planner_conflicts(quality)
 
 
-def planner_conflicts(quality: Quality) -> Iterator[Conflict]:
+def find_planner_conflicts(quality: Quality) -> Iterator[Conflict]:
     """Yield the conflicts between the settings of a quality's planner."""
     planner = quality.planner
     if not isinstance(planner, OptimalPlanner):

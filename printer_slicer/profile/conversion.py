@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile.keys import TABLE_LISTS, find_nearest_key, keys_of
+from printer_slicer.profile.keys import TABLE_LISTS, find_nearest_key, list_section_keys
 from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import PLANNER_SETTINGS
@@ -38,8 +38,8 @@ class SettingFault(NamedTuple):
     problem: str
     remedy: str
 
-    def error(self) -> ProfileError:
-        """Return the fault as an exception."""
+    def make_error(self) -> ProfileError:
+        """Make an exception that describes the fault."""
         key, colon, problem = self.problem.partition(": ")
         typed, equals, value = self.place.partition("=")
         if colon and equals and f".{key}".endswith(f".{typed}"):  # the place shows key and value
@@ -55,7 +55,7 @@ def convert_section(kind: str, source: SettingsSource) -> Any:
     """
     result = _try_conversion(kind, source.values)
     if isinstance(result, msgspec.ValidationError):
-        raise _describe_fault(kind, source, result).error() from None
+        raise _describe_fault(kind, source, result).make_error() from None
     return result
 
 
@@ -68,7 +68,7 @@ def _try_conversion(kind: str, values: Mapping[str, Any]) -> Any:
 
 
 def _resolve_percentages(values: Any, key: str) -> Any:
-    """Return settings with numbers in place of percentages such as "20%", where a setting is a ratio.
+    """Replace percentages such as "20%" by numbers in settings that are ratios; return the new settings.
 
     Args:
         values: the value of a setting, or a table of settings.
@@ -90,7 +90,7 @@ def _resolve_percentages(values: Any, key: str) -> Any:
 
 
 def _resolve_in_override(table: Any) -> Any:
-    """Return an override with numbers in place of percentages."""
+    """Replace percentages in an override by numbers; return the new override."""
     if isinstance(table, dict) and isinstance(changes := table.get("set"), dict):
         return {**table, "set": {key: _resolve_percentages(value, key) for key, value in changes.items()}}
     return table
@@ -111,33 +111,35 @@ def _describe_fault(kind: str, source: SettingsSource, error: msgspec.Validation
     if "missing required field" in problem:
         path = f"{path}.{problem.split('`')[1]}".lstrip(".")
         remedy = f'Set it, such as {path} = "..."' if path == "name" else _SETTINGS_HINT
-        return SettingFault(source.place(path), path, f"{kind}.{path}: is missing", remedy)
+        return SettingFault(source.find_place_or_file(path), path, f"{kind}.{path}: is missing", remedy)
     path, value = _locate_value(source.values, path)
     list_key = path.partition("[")[0]
     if list_key in LISTS and path == list_key and isinstance(value, str):
         remedy = f'Write it like this: {list_key} = "{LISTS[list_key].example}"'
-        return SettingFault(source.place(path), path, f"{kind}.{path}: {value!r} is not a valid list", remedy)
+        return SettingFault(
+            source.find_place_or_file(path), path, f"{kind}.{path}: {value!r} is not a valid list", remedy
+        )
     what = f"{kind}.{path}" if path else kind
     problem = f"{what}: {_describe_problem(problem, list_key, value)}"
-    return SettingFault(source.place(path), path, problem, _find_remedy(kind, path, value))
+    return SettingFault(source.find_place_or_file(path), path, problem, _find_remedy(kind, path, value))
 
 
 def _find_remedy(kind: str, path: str, value: object) -> str:
     """Return what to do about an invalid value: the value that was probably meant, or the choices."""
-    from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for errors only
+    from printer_slicer.profile.tables import find_choices  # noqa: PLC0415 - for errors only
 
     if path == "planner":
         return 'Write it like this: planner = { kind = "optimal" }'
     if hint := _suggest_percentage(kind, path, value):
         return hint
-    choices = [*PLANNER_SETTINGS] if path == "planner.kind" else choices_of(KINDS[kind], path).split(", ")
+    choices = [*PLANNER_SETTINGS] if path == "planner.kind" else find_choices(KINDS[kind], path).split(", ")
     if not any(choices):
         return _SETTINGS_HINT
     return f"{_suggest_choice(value, choices)}Choose one of: {', '.join(choices)}"
 
 
 def _suggest_percentage(kind: str, path: str, value: object) -> str:
-    """Return a question if a value was probably meant as a percentage: 20 of a ratio, or 20% of the infill."""
+    """Suggest a percentage, as a question, for a number such as 20 in a ratio or in `infill`; else return ""."""
     from printer_slicer.profile.tables import is_ratio  # noqa: PLC0415 - for errors only
 
     found = re.fullmatch(r"(\d{1,2}(?:\.\d+)?|100)(%?)", str(value))
@@ -148,7 +150,7 @@ def _suggest_percentage(kind: str, path: str, value: object) -> str:
 
 
 def _suggest_choice(value: object, choices: Sequence[str]) -> str:
-    """Return the most similar choice as a question; empty if none is similar."""
+    """Suggest the most similar choice, as a question; return an empty text if no choice is similar."""
     near = get_close_matches(str(value), choices, n=1)
     return f"Did you mean {near[0]!r}? " if near else ""
 
@@ -192,16 +194,16 @@ def _format_value(value: object) -> str:
 
 def _describe_unknown_key(kind: str, source: SettingsSource, path: str) -> SettingFault:
     """Describe an unknown key, and suggest a similar key or list the known keys."""
-    known: Sequence[str] = keys_of(kind, source.values)
+    known: Sequence[str] = list_section_keys(kind, source.values)
     key, table = path, path.rpartition("[")[0]
     if table in TABLE_LISTS:
         known, key = TABLE_LISTS[table].__struct_fields__, path.rpartition("].")[2]
     near = find_nearest_key(key, known)
-    elsewhere = [other for other in KINDS if other != kind and path in keys_of(other, {})]
+    elsewhere = [other for other in KINDS if other != kind and path in list_section_keys(other, {})]
     remedy = f"Did you mean {near!r}?" if near else f"Known settings: {', '.join(known)}"
     if elsewhere:
         remedy = f"Move it to a {elsewhere[0]} profile"
-    return SettingFault(source.place(path), path, f"{kind}.{path}: no such setting", remedy)
+    return SettingFault(source.find_place_or_file(path), path, f"{kind}.{path}: no such setting", remedy)
 
 
 def _locate_value(values: Any, path: str) -> tuple[str, Any]:

@@ -8,10 +8,10 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
-from printer_slicer.profile.reading import flatten
-from printer_slicer.profile.tables import RATIO_UNITS, SettingRow, settings_table
+from printer_slicer.profile.reading import flatten_tables
+from printer_slicer.profile.tables import RATIO_UNITS, SettingRow, list_setting_definitions
 
-__all__ = ["ChangedSetting", "differences_as_html", "differences_as_text", "list_differences"]
+__all__ = ["ChangedSetting", "format_differences_as_html", "format_differences_as_text", "list_differences"]
 
 _MOST_CHANGES: Final = 24  # changes that are shown
 _MOST_ROWS: Final = 6  # settings of each profile that are shown
@@ -37,13 +37,13 @@ class ChangedSetting(NamedTuple):
 def list_differences(
     sections: Mapping[str, msgspec.Struct], changed: Collection[str]
 ) -> list[ChangedSetting]:
-    """Return the changed settings, then the others that differ from their defaults, without display names.
+    """Return the changed settings, then all other settings that differ from their defaults; omit display names.
 
     Args:
         sections: `printer`, `material` and `quality` -> their settings, in the order of the rows.
         changed: keys of the changed settings.
     """
-    rows = {row.key: row for row in settings_table()}
+    rows = {row.key: row for row in list_setting_definitions()}
     found = [
         one
         for kind, section in sections.items()
@@ -55,10 +55,10 @@ def list_differences(
 def _list_section_differences(
     kind: str, section: msgspec.Struct, rows: Mapping[str, SettingRow], changed: Collection[str]
 ) -> Iterator[ChangedSetting]:
-    """Yield the changed settings of one section, and those that differ from their defaults."""
+    """Yield the settings of one section that were changed or that differ from their defaults."""
     values = msgspec.to_builtins(section)
     planner = values.get("planner", {}).get("kind", "")
-    for path, value in flatten(values):
+    for path, value in flatten_tables(values):
         key = f"{kind}.{path}"
         row = rows.get(key) or rows.get(key.replace(".planner.", f".planner[{planner}]."))
         if row is None or path == "name":
@@ -95,7 +95,7 @@ def _format_value(value: object, unit: str) -> str:
 
 
 def _format_headline(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
-    """Return a line with the names of the profiles, the number of changes and of settings that the profiles set."""
+    """Format the names of the profiles and the number of changed settings as one line."""
     printer, material, quality = (one.name for one in sections)
     count = sum(one.is_change for one in rows)
     changed = f"{count} setting{'' if count == 1 else 's'} changed" if count else "nothing changed"
@@ -103,7 +103,7 @@ def _format_headline(sections: Sequence[Any], rows: Sequence[ChangedSetting]) ->
 
 
 def _group_rows(rows: Sequence[ChangedSetting]) -> Iterator[tuple[str, Sequence[ChangedSetting], int]]:
-    """Yield title, shown rows and number of further rows of each group: the changes, then each profile."""
+    """Group rows by changes, then by profile; yield the title, the rows to show and the number of hidden rows."""
     groups: dict[str, list[ChangedSetting]] = {}
     for row in rows:
         kind = row.key.partition(".")[0]
@@ -113,8 +113,8 @@ def _group_rows(rows: Sequence[ChangedSetting]) -> Iterator[tuple[str, Sequence[
         yield title, members[:most], max(len(members) - most, 0)
 
 
-def differences_as_text(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
-    """Return a text with one line for the profile and one line for each of the first rows of each group.
+def format_differences_as_text(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
+    """Format differences as text: a line for the profile, then a line for each of the first rows of each group.
 
     Args:
         sections: printer, material and quality.
@@ -131,8 +131,8 @@ def differences_as_text(sections: Sequence[Any], rows: Sequence[ChangedSetting])
     return "\n".join([*lines, ">"]) if len(lines) > 1 else f"{lines[0]}>"
 
 
-def differences_as_html(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
-    """Return an HTML table with the first rows of each group; arguments as for `differences_as_text`."""
+def format_differences_as_html(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
+    """Format the first rows of each group as an HTML table; arguments as for `format_differences_as_text`."""
     body = [_format_html_row(("setting", "value", "default"), "th")]
     for title, shown, more in _group_rows(rows):
         body.append(f'<tr><th colspan="3">{escape(title)}</th></tr>')

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from itertools import groupby
 
 from printer_slicer.profile.base import HEIGHT, OBJECT
-from printer_slicer.profile.tables import SettingRow, settings_table
+from printer_slicer.profile.tables import SettingRow, list_setting_definitions
 
-__all__ = ["overrides_markdown", "settings_markdown"]
+__all__ = ["format_overrides_markdown", "format_settings_markdown"]
 
 _HEADING = """\
 # Settings
@@ -22,17 +22,17 @@ checked.
 """
 
 
-def settings_markdown() -> str:
-    """Return the text of docs/reference/settings.md."""
+def format_settings_markdown() -> str:
+    """Format all settings as the text of docs/reference/settings.md."""
     parts = [_HEADING]
-    for table, rows in groupby(settings_table(), key=lambda row: row.key.rpartition(".")[0]):
+    for table, rows in groupby(list_setting_definitions(), key=lambda row: row.key.rpartition(".")[0]):
         parts.append("\n".join([f"## {_format_title(table)}", "", *_format_table(table, list(rows))]) + "\n")
     return "\n".join(parts)
 
 
-def overrides_markdown() -> str:
-    """Return the table of docs/profiles.md: settings that can be overridden for objects and height ranges."""
-    own = {row.key.partition(".")[2]: row.own for row in settings_table() if row.own}
+def format_overrides_markdown() -> str:
+    """Format the table of docs/profiles.md: settings that can be overridden for objects and height ranges."""
+    own = {row.key.partition(".")[2]: row.own for row in list_setting_definitions() if row.own}
     groups = {
         "objects and height ranges": {OBJECT, HEIGHT},
         "objects": {OBJECT},

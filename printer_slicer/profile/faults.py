@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from printer_slicer.profile.checks import conflicts
+from printer_slicer.profile.checks import find_all_conflicts
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import KINDS
 
@@ -15,7 +15,7 @@ __all__ = ["find_value_conflicts", "find_value_fault"]
 
 
 def find_value_fault(kind: str, values: Mapping[str, Any]) -> tuple[str, str] | None:
-    """Return the key of the first invalid setting and the problem; None if all settings are valid.
+    """Return the key of the first invalid setting, and what is wrong with it; None if all settings are valid.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -42,4 +42,4 @@ def find_value_conflicts(
     parts = {"printer": printer, "material": material, "quality": quality}
     sections: dict[str, Any] = {kind: msgspec.convert(values, KINDS[kind]) for kind, values in parts.items()}
     profile = Profile(**sections)
-    return [(one.key, one.problem, one.remedy) for one in conflicts(profile)]
+    return [(one.key, one.problem, one.remedy) for one in find_all_conflicts(profile)]

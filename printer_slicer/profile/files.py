@@ -20,32 +20,32 @@ from msgspec.structs import replace
 
 from printer_slicer.arguments import PATH, check_argument, check_arguments
 from printer_slicer.errors import ProfileError, UsageError
-from printer_slicer.profile.checks import conflicts
+from printer_slicer.profile.checks import find_all_conflicts
 from printer_slicer.profile.conversion import SettingFault, convert_section
 from printer_slicer.profile.keys import resolve_key
-from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text
+from printer_slicer.profile.lists import LISTS, format_list, parse_list
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import (
     DEFAULT_NAMES,
     KINDS,
     SettingsSource,
-    flatten,
+    flatten_tables,
+    merge_sources,
     merge_tables,
-    overlay,
     read_chain,
 )
-from printer_slicer.profile.renamed import current_name, current_names, resolve_former_name
+from printer_slicer.profile.renamed import find_current_name, replace_former_name, replace_former_names
 from printer_slicer.texts import describe_type
 
 __all__ = [
+    "complete_profile",
     "find_conflicts",
+    "list_settings",
     "load_profile",
-    "profile_from",
-    "profile_over",
     "profile_with",
     "read_sources",
-    "settings_of",
-    "settings_text",
+    "restore_profile",
+    "settings_as_dict",
 ]
 
 _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
@@ -80,7 +80,7 @@ def load_profile(
     Raises:
         ProfileError: a setting is invalid; names file, line, key and bound.
     """
-    names = dict(zip(KINDS, map(_as_text, (printer, material, quality)), strict=True))
+    names = dict(zip(KINDS, map(_convert_name_to_text, (printer, material, quality)), strict=True))
     _check_folders(folders)
     changes = _choose_planner(_check_changes({} if changes is None else changes))
     sources = read_sources(names, changes, [Path(one) for one in folders])
@@ -88,7 +88,7 @@ def load_profile(
     return replace(profile, changed=tuple(_list_changed_keys(sources, changes)))
 
 
-def _as_text(name: str | os.PathLike[str] | None) -> str | None:
+def _convert_name_to_text(name: str | os.PathLike[str] | None) -> str | None:
     """Return the name of a profile as text."""
     return None if name is None else os.fspath(name)
 
@@ -109,7 +109,7 @@ def _check_folders(folders: object) -> None:
 
 
 def _check_changes(changes: Mapping[str, object]) -> Mapping[str, object]:
-    """Return changes of settings after checking their type.
+    """Check that changes of settings are a mapping without None as a value, and return them.
 
     Raises:
         ProfileError: they are not a mapping, or a value is None.
@@ -128,14 +128,14 @@ def _check_changes(changes: Mapping[str, object]) -> Mapping[str, object]:
 
 
 def _choose_planner(changes: Mapping[str, object]) -> Mapping[str, object]:
-    """Return the changes; if they set a layer height but no planner setting, add the uniform planner."""
+    """Add the uniform planner to changes that set a layer height but no planner setting; return the changes."""
     named = {key.removeprefix("quality.") for key in changes}
     if "layer_height" not in named or any(key.startswith("planner.") for key in named):
         return changes
     return {"quality.planner.kind": "uniform", **changes}
 
 
-def profile_over(
+def complete_profile(
     own: Mapping[str, Mapping[str, Any]],
     names: Mapping[str, str | None],
     changes: Mapping[str, object] | None = None,
@@ -143,7 +143,7 @@ def profile_over(
     *,
     slices: bool = False,
 ) -> Profile:
-    """Load a profile from settings in G-code or in a file of another slicer, completed by other profiles.
+    """Build a profile from the settings in G-code or a file of another slicer; named profiles supply what is missing.
 
     Args:
         own: kind -> settings in the file; they are not used if `names` has a profile of this kind.
@@ -219,42 +219,43 @@ def _copy_with_changes(profile: Profile, changes: Mapping[str, object], *, slice
 
 
 def _list_changed_keys(sources: Mapping[str, SettingsSource], changes: Mapping[str, object]) -> list[str]:
-    """Return the full keys of changes, after they were applied."""
-    return sorted({".".join(resolve_key(sources, current_name(key.removesuffix("+")))) for key in changes})
+    """Return the full keys, such as `quality.perimeters`, of the settings that changes have set."""
+    return sorted(
+        {".".join(resolve_key(sources, find_current_name(key.removesuffix("+")))) for key in changes}
+    )
 
 
-def settings_of(profile: Profile) -> dict[str, dict[str, Any]]:
-    """Return all settings as values for JSON; `profile_from` converts them back to a profile."""
+def settings_as_dict(profile: Profile) -> dict[str, dict[str, Any]]:
+    """Return all settings as values for JSON; `restore_profile` converts them back to a profile."""
     return {kind: msgspec.to_builtins(getattr(profile, kind)) for kind in KINDS}
 
 
-def profile_from(values: Mapping[str, Mapping[str, Any]]) -> Profile:
-    """Convert the result of `settings_of` back to a profile, without checks for conflicts.
+def restore_profile(values: Mapping[str, Mapping[str, Any]]) -> Profile:
+    """Convert the result of `settings_as_dict` back to a profile, without looking for conflicts.
 
     Raises:
         ProfileError: the settings belong to another version of this program.
     """
     sources = {
-        kind: SettingsSource(current_names(values.get(kind, {})), {}, f"the stored {kind}") for kind in KINDS
+        kind: SettingsSource(replace_former_names(values.get(kind, {})), {}, f"the stored {kind}")
+        for kind in KINDS
     }
     return _build_profile(sources, slices=False)
 
 
-def settings_text(profile: Profile) -> Iterator[tuple[str, object]]:
+def list_settings(profile: Profile) -> Iterator[tuple[str, object]]:
     """Yield all settings as pairs (`section.key`, value), in the order of their definition."""
     for kind in KINDS:
-        for path, value in flatten(msgspec.to_builtins(getattr(profile, kind))):
+        for path, value in flatten_tables(msgspec.to_builtins(getattr(profile, kind))):
             yield f"{kind}.{path}", value
 
 
 def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -> None:
     """Apply one change in place."""
     appends = key.endswith("+")
-    kind, path = resolve_key(sources, resolve_former_name(key.removesuffix("+")))
+    kind, path = resolve_key(sources, replace_former_name(key.removesuffix("+")))
     typed = value
-    value = (
-        list_from_text(path, value) if path in LISTS and isinstance(value, str) else _normalize_value(value)
-    )
+    value = parse_list(path, value) if path in LISTS and isinstance(value, str) else _normalize_value(value)
     if isinstance(value, str):
         value = _normalize_choice(kind, path, value)
     *tables, leaf = path.split(".")
@@ -265,7 +266,9 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
     if tables and not isinstance(source.values.get(tables[0], {}), dict):
         return  # the file has a plain value instead of a table; the conversion reports it
     if appends and isinstance(value, list):
-        sources[kind] = overlay(source, SettingsSource(change, _list_rule_places(path, value), source.file))
+        sources[kind] = merge_sources(
+            source, SettingsSource(change, _list_rule_places(path, value), source.file)
+        )
         return
     places = {one: place for one, place in source.places.items() if not one.startswith(f"{path}[")}
     places[path] = f"{key}={typed}"
@@ -273,21 +276,21 @@ def _apply_change(sources: dict[str, SettingsSource], key: str, value: object) -
 
 
 def _list_rule_places(path: str, rules: Sequence[Any]) -> dict[str, str]:
-    """Return the places of added rules, which are their texts; the whole list has the place of the last rule."""
+    """Map the key of each added rule to its text, which is its place in messages; map the list to the last text."""
     places = {path: path}
     for i, one in enumerate(rules):
         with suppress(AttributeError, KeyError, TypeError, ValueError, msgspec.ValidationError):
-            places[path] = places[f"{path}[{i}]"] = f"override {list_as_text([one])}"
+            places[path] = places[f"{path}[{i}]"] = f"override {format_list([one])}"
     return places
 
 
 def _normalize_choice(kind: str, path: str, text: str) -> str:
-    """Return a choice in lower case, as all choices are written: `Gyroid` becomes `gyroid`."""
+    """Convert a choice to lower case, in which all choices are written: `Gyroid` becomes `gyroid`."""
     if text == text.lower():
         return text
-    from printer_slicer.profile.tables import choices_of  # noqa: PLC0415 - for capital letters only
+    from printer_slicer.profile.tables import find_choices  # noqa: PLC0415 - for capital letters only
 
-    return text.lower() if text.lower() in choices_of(KINDS[kind], path).split(", ") else text
+    return text.lower() if text.lower() in find_choices(KINDS[kind], path).split(", ") else text
 
 
 def _normalize_value(value: Any) -> Any:
@@ -308,7 +311,7 @@ def _build_profile(sources: Mapping[str, SettingsSource], *, slices: bool = True
     """Convert the sections to a profile, and check it."""
     profile = Profile(**{kind: convert_section(kind, source) for kind, source in sources.items()})
     for fault in _find_conflicts(profile, sources, slices=slices):
-        raise fault.error()
+        raise fault.make_error()
     return profile
 
 
@@ -326,9 +329,9 @@ def _find_conflicts(
     profile: Profile, sources: Mapping[str, SettingsSource], *, slices: bool
 ) -> Iterator[SettingFault]:
     """Yield conflicts between printer, material and quality, and errors in overrides."""
-    for key, problem, remedy in conflicts(profile) if slices else ():
+    for key, problem, remedy in find_all_conflicts(profile) if slices else ():
         kind, _, path = key.partition(".")
-        yield SettingFault(sources[kind].place(path), path, f"{key}: {problem}", remedy)
+        yield SettingFault(sources[kind].find_place_or_file(path), path, f"{key}: {problem}", remedy)
     yield from _find_override_faults(profile, sources["quality"], slices=slices)
 
 
@@ -342,12 +345,12 @@ def _find_override_faults(
 
     faults = list(find_override_faults(profile.quality))
     for path, problem, remedy in faults:
-        yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+        yield SettingFault(source.find_place_or_file(path), path, f"quality.overrides: {problem}", remedy)
     for i, one in enumerate(() if faults else profile.quality.overrides):
         path, changed = f"overrides[{i}]", {"quality.overrides": (), **one.set}
         try:
             _copy_with_changes(profile, changed, slices=slices)
         except ProfileError as error:
             problem = str(error.args[0]).partition(": ")[2] or error.args[0]
-            message = f"quality.overrides: {one.where()}: {problem}"
-            yield SettingFault(source.place(path), path, message, error.remedy)
+            message = f"quality.overrides: {one.format_place()}: {problem}"
+            yield SettingFault(source.find_place_or_file(path), path, message, error.remedy)

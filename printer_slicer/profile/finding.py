@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from printer_slicer.name_search import AT_THE_END, IN_ORDER, rank_match, split_name
-from printer_slicer.profile.folders import profile_paths, profile_root
+from printer_slicer.profile.folders import find_profile_paths, find_shipped_profiles
 
-__all__ = ["ProfileMatch", "display_name", "find_profiles", "suggest_profiles"]
+__all__ = ["ProfileMatch", "find_profiles", "read_display_name", "suggest_profiles"]
 
 _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 _MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
@@ -55,7 +55,7 @@ class _ProfileNames(NamedTuple):
         return [name for name in (self.file_name, self.display_name, *self.others) if name]
 
 
-def display_name(path: Path) -> str:
+def read_display_name(path: Path) -> str:
     """Return the `name` setting in a profile's file; empty if it is inherited."""
     return _read_names(path).display_name
 
@@ -71,7 +71,7 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
         text: as typed, such as "Ender 3".
         folders: searched first.
     """
-    known = {name: _read_names(path) for name, path in profile_paths(kind, folders).items()}
+    known = {name: _read_names(path) for name, path in find_profile_paths(kind, folders).items()}
     ranked = sorted((rank, name) for name, names in known.items() if (rank := _rank_profile(text, names)))
     ranks = [rank for rank, _ in ranked]
     is_only = len(ranks) == 1 and ranks[0][0] < IN_ORDER
@@ -98,7 +98,7 @@ def _rank_profile(text: str, names: _ProfileNames) -> tuple[int, int, int] | Non
 
 
 def _rank_name(text: str, name: str) -> tuple[int, int] | None:
-    """Rank how well a name matches a text, as `rank_match` does; identical names and words are better."""
+    """Rank how well a name matches a text: identical names and words first, then the ranks of `rank_match`."""
     if text.strip().casefold() == name.casefold():
         return _IDENTICAL, 0
     words = split_name(text, with_nozzle=True)
@@ -115,7 +115,7 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
         shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
         more = " and more" if len(matches) > _MOST_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
-    query_words, paths = split_name(text), profile_paths(kind, folders)
+    query_words, paths = split_name(text), find_profile_paths(kind, folders)
     contained = [
         (len(words), name)
         for name, path in paths.items()
@@ -140,7 +140,7 @@ def _read_names(path: Path) -> _ProfileNames:
     except OSError:
         text = ""
     shown, model, aliases = _NAME.search(text), _MODEL.search(text), _ALIASES.search(text)
-    is_shipped = path.parent.parent == profile_root()
+    is_shipped = path.parent.parent == find_shipped_profiles()
     others = re.findall(r'"([^"\n]*)"', aliases[1]) if aliases else []
     others += [model[1]] if model and is_shipped else []
     return _ProfileNames(path.stem, shown[1] if shown else "", tuple(others), is_shipped)

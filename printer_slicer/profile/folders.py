@@ -16,10 +16,10 @@ __all__ = [
     "FOLDERS",
     "SCHEMAS",
     "VARIABLE",
-    "profile_paths",
-    "profile_root",
-    "search_folders",
-    "user_folders",
+    "find_profile_paths",
+    "find_shipped_profiles",
+    "find_user_folders",
+    "list_search_folders",
 ]
 
 FOLDERS: Final[Mapping[str, str]] = {"printer": "printers", "material": "materials", "quality": "qualities"}
@@ -27,7 +27,7 @@ SCHEMAS: Final = "schema"
 VARIABLE: Final = "PRINTER_SLICER_PROFILES"
 
 
-def profile_root() -> Path:
+def find_shipped_profiles() -> Path:
     """Return the folder of the shipped profiles: beside the package in a checkout, inside it when installed."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "profiles"
@@ -36,7 +36,7 @@ def profile_root() -> Path:
     )
 
 
-def user_folders() -> list[Path]:
+def find_user_folders() -> list[Path]:
     """Return the user's folders, which may be missing; new profiles are stored in the first one."""
     given = os.environ.get(VARIABLE)
     if given is not None:
@@ -46,17 +46,17 @@ def user_folders() -> list[Path]:
     return [user_config_path("printer_slicer", appauthor=False)]
 
 
-def search_folders(folders: Sequence[Path] = ()) -> list[Path]:
+def list_search_folders(folders: Sequence[Path] = ()) -> list[Path]:
     """Return all folders in search order, starting with the given ones."""
-    return [*folders, *user_folders(), profile_root()]
+    return [*folders, *find_user_folders(), find_shipped_profiles()]
 
 
-def profile_paths(kind: str, folders: Sequence[Path] = ()) -> dict[str, Path]:
+def find_profile_paths(kind: str, folders: Sequence[Path] = ()) -> dict[str, Path]:
     """Return the profiles of one kind (`printer`, `material`, `quality`): name -> file, sorted by name.
 
     `folders` are searched before the user's folders and the shipped profiles.
     """
     found: dict[str, Path] = {}
-    for folder in reversed(search_folders(folders)):
+    for folder in reversed(list_search_folders(folders)):
         found |= {path.stem: path for path in (folder / FOLDERS[kind]).glob("*.toml") if path.is_file()}
     return dict(sorted(found.items()))

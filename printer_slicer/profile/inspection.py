@@ -10,24 +10,24 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from printer_slicer.input_files import read_input
-from printer_slicer.profile.checks import Conflict, conflicts, planner_conflicts
+from printer_slicer.profile.checks import Conflict, find_all_conflicts, find_planner_conflicts
 from printer_slicer.profile.conversion import SettingFault, convert_section, find_first_fault
 from printer_slicer.profile.override_checks import NEUTRAL_MATERIAL, find_override_faults
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
-from printer_slicer.profile.reading import SettingsSource, flatten, read_chain
+from printer_slicer.profile.reading import SettingsSource, flatten_tables, read_chain
 from printer_slicer.profile.settings import Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES
 
 __all__ = [
     "DEFAULT",
     "SettingOrigin",
-    "differences",
+    "compare_settings",
     "find_faults",
-    "profile_of_printer",
+    "find_setting_origins",
+    "make_profile_for_printer",
     "read_headline",
-    "settings_with_origins",
 ]
 
 DEFAULT: Final = "default"
@@ -41,22 +41,24 @@ class SettingOrigin(NamedTuple):
     place: str
 
 
-def settings_with_origins(kind: str, source: SettingsSource) -> dict[str, SettingOrigin]:
-    """Return all settings of one part of a profile: key -> value and origin.
+def find_setting_origins(kind: str, source: SettingsSource) -> dict[str, SettingOrigin]:
+    """Map each setting of a printer, material or quality to its value and origin.
 
     Raises:
         ProfileError: a setting is invalid.
     """
-    values = flatten(msgspec.to_builtins(convert_section(kind, source)))
-    return {key: SettingOrigin(value, source.known_place(key) or DEFAULT) for key, value in values}
+    values = flatten_tables(msgspec.to_builtins(convert_section(kind, source)))
+    return {key: SettingOrigin(value, source.find_place(key) or DEFAULT) for key, value in values}
 
 
-def differences(kind: str, one: SettingsSource, other: SettingsSource) -> dict[str, tuple[object, object]]:
-    """Return the settings that differ between two parts of the same kind, with both values.
+def compare_settings(
+    kind: str, one: SettingsSource, other: SettingsSource
+) -> dict[str, tuple[object, object]]:
+    """Return the settings that differ between two profiles of the same kind, each with both values.
 
-    A value is None if the part does not have the setting.
+    A value is None if the profile does not have the setting.
     """
-    left, right = settings_with_origins(kind, one), settings_with_origins(kind, other)
+    left, right = find_setting_origins(kind, one), find_setting_origins(kind, other)
     pairs = {
         key: (left[key].value if key in left else None, right[key].value if key in right else None)
         for key in [*left, *(key for key in right if key not in left)]
@@ -70,7 +72,7 @@ def find_faults(
     folders: Sequence[Path] = (),
     check_macros: Callable[[Printer], Iterable[Conflict]] = lambda _: (),
 ) -> list[SettingFault]:
-    """Find all errors in one part of a profile.
+    """Find all errors in a printer, material or quality profile.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -86,35 +88,35 @@ def find_faults(
     if find_first_fault(kind, repaired):
         return found
     part = convert_section(kind, repaired)
-    own = [] if found else list(planner_conflicts(part) if kind == "quality" else ())
-    own += conflicts(profile_of_printer(part)) if kind == "printer" and not found else ()
+    own = [] if found else list(find_planner_conflicts(part) if kind == "quality" else ())
+    own += find_all_conflicts(make_profile_for_printer(part)) if kind == "printer" and not found else ()
     own += check_macros(part) if kind == "printer" else ()
     for key, problem, remedy in own:
         section, _, path = key.partition(".")
         if section == kind:
-            found.append(SettingFault(source.place(path), path, f"{key}: {problem}", remedy))
+            found.append(SettingFault(source.find_place_or_file(path), path, f"{key}: {problem}", remedy))
     return [*found, *_find_override_faults(part, source, found)] if kind == "quality" else found
 
 
 def _find_override_faults(
     quality: Quality, source: SettingsSource, found: Sequence[SettingFault]
 ) -> Iterator[SettingFault]:
-    """Yield errors in overrides other than wrong types and bounds, unless the override has a reported error."""
+    """Yield errors in overrides, except wrong types and bounds; skip overrides with an error in `found`."""
     reported = {
         fault.path.partition("].")[0] + "]" for fault in found if not _is_setting_of_override(fault.path)
     }
     for path, problem, remedy in find_override_faults(quality):
         if _is_setting_of_override(path) or path not in reported:
-            yield SettingFault(source.place(path), path, f"quality.overrides: {problem}", remedy)
+            yield SettingFault(source.find_place_or_file(path), path, f"quality.overrides: {problem}", remedy)
 
 
 def _is_setting_of_override(path: str) -> bool:
-    """Return whether a path belongs to the settings inside an override."""
+    """Return whether a path leads to a setting inside an override."""
     return "].set" in path
 
 
 def _find_and_repair_faults(kind: str, source: SettingsSource) -> tuple[list[SettingFault], SettingsSource]:
-    """Find all faults by repairing each one before the next is searched; return them and the repaired settings."""
+    """Find all faults, by repairing each one before looking for the next; return the faults and repaired settings."""
     found: list[SettingFault] = []
     replaced: set[str] = set()
     while fault := find_first_fault(kind, source):
@@ -157,7 +159,7 @@ def _find_value(values: Any, keys: Sequence[str | int]) -> Any:
 
 
 def _replace_value(values: Any, keys: Sequence[str | int], new_value: object) -> Any:
-    """Return a copy with another value at a path; None removes the value, and for an item of a list the whole list."""
+    """Return a copy of settings with a new value at a path; None removes the value, or the list that contains it."""
     key, *rest = keys
     if isinstance(key, int):
         return [_replace_value(one, rest, new_value) if i == key else one for i, one in enumerate(values)]
@@ -168,8 +170,8 @@ def _replace_value(values: Any, keys: Sequence[str | int], new_value: object) ->
     return {**values, key: new_value}
 
 
-def profile_of_printer(printer: Printer) -> Profile:
-    """Return the profile of a printer with a material and a quality that never conflict with it."""
+def make_profile_for_printer(printer: Printer) -> Profile:
+    """Combine a printer with a material and a quality that never conflict with it; return the profile."""
     thin_quality = Quality(name="", planner=UniformPlanner(), layer_height=printer.min_layer)
     return Profile(printer=printer, material=NEUTRAL_MATERIAL, quality=thin_quality)
 

@@ -12,7 +12,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.planners import HeightRange
 from printer_slicer.profile.reading import KINDS, SettingsSource
-from printer_slicer.profile.renamed import current_name
+from printer_slicer.profile.renamed import find_current_name
 from printer_slicer.profile.settings import (
     PLANNER_SETTINGS,
     Accelerations,
@@ -26,10 +26,10 @@ __all__ = [
     "INNER_TABLES",
     "TABLE_LISTS",
     "find_nearest_key",
+    "find_section",
     "is_setting",
-    "keys_of",
+    "list_section_keys",
     "resolve_key",
-    "section_of_setting",
 ]
 
 INNER_TABLES: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
@@ -48,8 +48,8 @@ _LEAST_SIMILARITY_OF_WHOLE: Final = 0.85  # minimum similarity of any other sugg
 _LONGEST_SHORT_PREFIX: Final = 2  # letters; prefixes up to this length give no suggestion
 
 
-def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
-    """Return all keys of a section; those of the planner depend on its kind in `values`."""
+def list_section_keys(kind: str, values: Mapping[str, Any]) -> list[str]:
+    """Return all keys of a section; the kind of planner in `values` determines the planner's keys."""
     inner = INNER_TABLES[kind]
     keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *inner)]
     if kind == "quality":
@@ -62,18 +62,18 @@ def keys_of(kind: str, values: Mapping[str, Any]) -> list[str]:
 
 def is_setting(key: str) -> bool:
     """Return whether a key is the current or a former name of a setting, with or without its section."""
-    return bool(section_of_setting(key))
+    return bool(find_section(key))
 
 
-def section_of_setting(key: str) -> str:
-    """Return the section of a setting: that in its key, or the first that has it; empty if there is no such setting.
+def find_section(key: str) -> str:
+    """Return the section in the key of a setting, or the first section that has the setting; empty if none has it.
 
     Args:
         key: the current or a former name of the setting, with or without its section.
     """
-    key = current_name(key.removesuffix("+"))
+    key = find_current_name(key.removesuffix("+"))
     section, _, rest = key.partition(".")
-    names = [(kind, name) for kind in KINDS for name in keys_of(kind, {})]
+    names = [(kind, name) for kind in KINDS for name in list_section_keys(kind, {})]
     names += [
         ("quality", f"planner.{name}") for one in PLANNER_SETTINGS.values() for name in one.__struct_fields__
     ]
@@ -84,7 +84,7 @@ def section_of_setting(key: str) -> str:
 
 
 def find_nearest_key(key: str, known: Sequence[str]) -> str:
-    """Return the known name most similar to a key; empty if none is similar.
+    """Return the known name that is most similar to a key; empty if no name is similar.
 
     Names of the key's own group are preferred.
     """
@@ -126,14 +126,16 @@ def _find_similar(key: str, known: Collection[str]) -> list[str]:
 
 
 def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, str]:
-    """Return section and key of a change: `quality.perimeters`, or `perimeters` if only one section has it.
+    """Return section and key of a setting from `quality.perimeters`, or from `perimeters` if only one section has it.
 
     A setting of the chosen planner can also be written without its table: `smooth` for `quality.planner.smooth`.
 
     Raises:
         ProfileError: no section has the key, or several have it.
     """
-    known = [(kind, path) for kind, source in sources.items() for path in keys_of(kind, source.values)]
+    known = [
+        (kind, path) for kind, source in sources.items() for path in list_section_keys(kind, source.values)
+    ]
     exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
     matches = exact or [(kind, path) for kind, path in known if path == key]
     if key.partition(".")[0] in INNER_TABLES["quality"]:
@@ -150,7 +152,7 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
 
 
 def _explain_unknown_key(key: str, known: Sequence[tuple[str, str]]) -> ProfileError:
-    """Return an error about a key that no section has, with a remedy.
+    """Make an error, with a remedy, for a key that no section has.
 
     Args:
         key: the key.

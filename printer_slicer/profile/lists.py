@@ -1,4 +1,4 @@
-"""Convert settings that are lists from and to text, such as `0.1, 0.2, 0.3` and `10:20:tolerance=0.05`."""
+"""Parse and format settings that are lists, such as `0.1, 0.2, 0.3` and `10:20:tolerance=0.05`."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any, Final, NamedTuple
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import overrides
 
-__all__ = ["LISTS", "list_as_text", "list_from_text", "merge_lists"]
+__all__ = ["LISTS", "format_list", "merge_lists", "parse_list"]
 
 _RANGE_KEYS = ("tolerance", "layer_height")
 
 
-def list_from_text(key: str, text: str) -> list[Any]:
+def parse_list(key: str, text: str) -> list[Any]:
     """Parse the text of a setting as a list; empty text is an empty list.
 
     Args:
@@ -76,12 +76,12 @@ def merge_lists(key: str, old: Sequence[Any], new: Sequence[Any]) -> list[Any]:
         return list(new)
     if key == "overrides":
         return [*old, *new]
-    kept = [piece for one in old for piece in _remaining_ranges(one, new)]
+    kept = [piece for one in old for piece in _find_remaining_ranges(one, new)]
     return [*kept, *new]
 
 
-def _remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
-    """Yield the parts of a range that later ranges do not override."""
+def _find_remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
+    """Yield the sections of a height range that later ranges do not override."""
     try:
         rules = {key: old[key] for key in _RANGE_KEYS if old.get(key)}
         later_ranges = {key: [(one["low"], one["high"]) for one in new if one.get(key)] for key in rules}
@@ -103,7 +103,7 @@ def _remaining_ranges(old: Any, new: Sequence[Any]) -> Iterator[Any]:
 def _subtract_ranges(
     low: float, high: float, later_ranges: Sequence[tuple[float, float]]
 ) -> Iterator[tuple[float, float]]:
-    """Yield the parts of a range outside other ranges."""
+    """Yield the sections of a height range that lie outside all later ranges."""
     for start, end in sorted(later_ranges):
         if low < min(start, high):
             yield low, min(start, high)
@@ -112,8 +112,8 @@ def _subtract_ranges(
         yield low, high
 
 
-def list_as_text(values: Sequence[Any]) -> str:
-    """Format a list as text for `list_from_text`."""
+def format_list(values: Sequence[Any]) -> str:
+    """Format a list as text for `parse_list`."""
     if values and isinstance(values[0], Mapping) and "set" in values[0]:
         return overrides.format_overrides(values)
     if values and isinstance(values[0], Mapping):

@@ -7,16 +7,16 @@ from collections.abc import Collection, Mapping
 from printer_slicer.profile.files import profile_with
 from printer_slicer.profile.profile import Profile
 
-__all__ = ["list_height_overrides", "list_overridden_objects", "profile_for_object"]
+__all__ = ["list_height_overrides", "list_overridden_objects", "make_profile_for_object"]
 
 
 def list_overridden_objects(profile: Profile) -> tuple[str, ...]:
-    """Return the names of the objects that have overrides, each once."""
+    """Return the names of the objects that have overrides, without repetitions."""
     return tuple(dict.fromkeys(one.object for one in profile.quality.overrides if one.object))
 
 
-def profile_for_object(profile: Profile, names: Collection[str]) -> Profile:
-    """Return the profile of one object: its overrides are applied, and those for height ranges are kept.
+def make_profile_for_object(profile: Profile, names: Collection[str]) -> Profile:
+    """Apply the overrides of one object to the profile of the plate; keep overrides for height ranges as they are.
 
     Args:
         profile: profile of the plate.
@@ -31,5 +31,5 @@ def profile_for_object(profile: Profile, names: Collection[str]) -> Profile:
 
 
 def list_height_overrides(profile: Profile) -> tuple[tuple[float, float, Mapping[str, object]], ...]:
-    """Return the overrides for height ranges of all objects: low, high (mm) and changes; later ones take precedence."""
+    """Return (low, high, changes) of each override for all objects, heights in mm; later overrides take precedence."""
     return tuple((one.low, one.high, one.set) for one in profile.quality.overrides if not one.object)

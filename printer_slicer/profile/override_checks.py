@@ -13,7 +13,7 @@ from printer_slicer.profile.keys import find_nearest_key
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.reading import SettingsSource, merge_tables
 from printer_slicer.profile.settings import Material, Quality
-from printer_slicer.profile.tables import SettingRow, settings_table
+from printer_slicer.profile.tables import SettingRow, list_setting_definitions
 
 __all__ = ["NEUTRAL_MATERIAL", "OverrideFault", "find_override_faults"]
 
@@ -44,7 +44,7 @@ class OverrideFault(NamedTuple):
 
 def find_override_faults(quality: Quality) -> Iterator[OverrideFault]:
     """Yield all errors in the overrides of a quality."""
-    rows = {row.key: row for row in settings_table()} if quality.overrides else {}
+    rows = {row.key: row for row in list_setting_definitions()} if quality.overrides else {}
     plain = msgspec.structs.replace(quality, overrides=())
     for i, one in enumerate(quality.overrides):
         path = f"overrides[{i}]"
@@ -52,10 +52,10 @@ def find_override_faults(quality: Quality) -> Iterator[OverrideFault]:
             problem = "an override has neither an object nor a height range"
             yield OverrideFault(path, problem, "Add one of them, or set the value for the whole plate")
         if one.high <= one.low:
-            problem = f"{one.where()}: the height range from {one.low:g} to {one.high:g} mm is empty"
+            problem = f"{one.format_place()}: the height range from {one.low:g} to {one.high:g} mm is empty"
             yield OverrideFault(f"{path}.high", problem, "Write the lower end first")
         for key, value in one.set.items():
-            where = f"{one.where()}:{key}".lstrip(":")
+            where = f"{one.format_place()}:{key}".lstrip(":")
             for problem, remedy in _check_key(one, key, value, rows, plain):
                 yield OverrideFault(f"{path}.set.{key}", f"{where}: {problem}", remedy)
     if quality.overrides and quality.spiral:

@@ -5,8 +5,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final
 
-from printer_slicer.profile.base import Settings, meta
-from printer_slicer.profile.renamed import resolve_former_name
+from printer_slicer.profile.base import Settings, make_meta
+from printer_slicer.profile.renamed import replace_former_name
 
 __all__ = ["HIGHEST", "Override", "format_overrides", "has_height_range", "parse_override"]
 
@@ -20,22 +20,22 @@ _TYPED = re.compile(
 class Override(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Settings for one object, for a height range, or for a height range of one object."""
 
-    object: Annotated[str, meta("name of the object in the input file; empty: all objects")] = ""
+    object: Annotated[str, make_meta("name of the object in the input file; empty: all objects")] = ""
     low: Annotated[
-        float, meta("lower end of the height range, measured from the bed", "mm", ge=0, le=HIGHEST)
+        float, make_meta("lower end of the height range, measured from the bed", "mm", ge=0, le=HIGHEST)
     ] = 0
     high: Annotated[
-        float, meta("upper end of the height range, measured from the bed", "mm", gt=0, le=HIGHEST)
+        float, make_meta("upper end of the height range, measured from the bed", "mm", gt=0, le=HIGHEST)
     ] = HIGHEST
-    set: Annotated[dict[str, bool | int | float | str], meta("settings and their values")]
+    set: Annotated[dict[str, bool | int | float | str], make_meta("settings and their values")]
 
     @property
     def is_everywhere(self) -> bool:
         """Whether the override applies to all heights."""
         return self.low == 0 and self.high == HIGHEST
 
-    def where(self) -> str:
-        """Return the object and the height range as text."""
+    def format_place(self) -> str:
+        """Format the object and the height range to which the override applies."""
         heights = "" if self.is_everywhere else f"{self.low:.10g}:{self.high:.10g}"
         return ":".join(part for part in (self.object, heights) if part)
 
@@ -49,7 +49,7 @@ def parse_override(text: str) -> dict[str, Any]:
     found = _TYPED.fullmatch(text.strip())
     if not found or not (found["object"] or found["low"]):
         raise ValueError(text)
-    table: dict[str, Any] = {"set": {resolve_former_name(found["key"], text.strip()): found["value"].strip()}}
+    table: dict[str, Any] = {"set": {replace_former_name(found["key"], text.strip()): found["value"].strip()}}
     if found["object"]:
         table["object"] = found["object"].strip()
     if found["low"]:
@@ -70,7 +70,7 @@ def format_overrides(tables: Sequence[Mapping[str, Any]]) -> str:
 def _format_rules(tables: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the text of one rule for each setting of each override."""
     for table in tables:
-        where = Override(**{**table, "set": {}}).where()
+        where = Override(**{**table, "set": {}}).format_place()
         for key, value in table["set"].items():
             shown = str(value).lower() if isinstance(value, bool) else value
             yield f"{where}:{key}={shown}"

@@ -72,22 +72,22 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self.printer, self.material, self.quality
 
     def __repr__(self) -> str:
-        from printer_slicer.profile.differences import differences_as_text  # noqa: PLC0415 - only where it is shown
+        from printer_slicer.profile.differences import format_differences_as_text  # noqa: PLC0415 - only where it is shown
 
-        return differences_as_text(self._sections(), self._differences())
+        return format_differences_as_text(self._sections(), self._differences())
 
     def _repr_html_(self) -> str:
         """Return the table that notebooks show: settings that differ from their defaults."""
-        from printer_slicer.profile.differences import differences_as_html  # noqa: PLC0415 - only where it is shown
+        from printer_slicer.profile.differences import format_differences_as_html  # noqa: PLC0415 - only where it is shown
 
-        return differences_as_html(self._sections(), self._differences())
+        return format_differences_as_html(self._sections(), self._differences())
 
     def list_changes(self) -> list[ChangedSetting]:
         """Return the settings that were changed on top of the named profiles."""
         return [one for one in self._differences() if one.is_change] if self.changed else []
 
     def _differences(self) -> list[ChangedSetting]:
-        """Return the changed settings, then those of the named profiles that differ from their defaults."""
+        """Return the changed settings, then the settings of the named profiles that differ from the defaults."""
         from printer_slicer.profile.differences import list_differences  # noqa: PLC0415 - only where it is shown
 
         sections = {"quality": self.quality, "material": self.material, "printer": self.printer}
@@ -95,13 +95,13 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def dials(self) -> OptimalPlanner:
-        """Settings of the planner `optimal`; their defaults if another planner is chosen."""
+        """Settings of the planner `optimal`; if the quality uses another planner, their defaults."""
         planner = self.quality.planner
         return planner if isinstance(planner, OptimalPlanner) else OptimalPlanner()
 
     @property
     def extruders(self) -> tuple[Extruder, ...]:
-        """The extruders that print, to which paths and moves refer by index. Every profile has one so far."""
+        """Extruders that print; paths and moves refer to them by index. So far, every profile has one extruder."""
         return (Extruder(self.printer.tool, self.printer.nozzle_diameter, self.material),)
 
     @property
@@ -111,7 +111,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def raft_interface_speed(self) -> float:
-        """Speed of a raft's top layer, mm/s: that of the support interface, unless the quality sets `raft`."""
+        """Speed of the top layer of rafts, mm/s: `speeds.raft` of the quality, or the speed of support interfaces."""
         resolved, named = self.speeds, self.quality.speeds.raft
         return named or min(resolved.raft, resolved.support_interface)
 
@@ -132,7 +132,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def resolved(self) -> Profile:
-        """The profile with the printer's values for the settings that quality and material leave at 0."""
+        """A copy of the profile in which the printer's values replace zeros in the quality and the material."""
         return replace(
             self,
             material=replace(self.material, max_flow=self.max_flow, pressure_advance=self.pressure_advance),
@@ -141,28 +141,28 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def extrusion_width(self) -> float:
-        """Extrusion width, mm, with the default filled in."""
+        """Extrusion width, mm; 1.125 nozzle diameters if the quality does not set one."""
         return self.quality.extrusion_width or 1.125 * self.printer.nozzle_diameter
 
     @property
     def with_external_width(self) -> Profile:
-        """The profile with the width of external perimeters for all extrusions."""
+        """A copy of the profile in which all extrusions have the width of external perimeters."""
         wanted = self.quality.external_perimeter_width
         return replace(self, quality=replace(self.quality, extrusion_width=wanted)) if wanted else self
 
     @property
     def width_on_bed(self) -> float:
-        """Extrusion width on the bed, mm, with the default filled in."""
+        """Width of extrusions that lie on the bed, mm; the general extrusion width if the quality does not set one."""
         return self.quality.first_layer_width or self.extrusion_width
 
     @property
     def width_of_first_layer(self) -> float:
-        """Extrusion width of the part's first layer, mm: the width on the bed, unless there is a raft."""
+        """Extrusion width of the part's first layer, mm: the general width on a raft, else the width on the bed."""
         return self.extrusion_width if self.quality.raft_height else self.width_on_bed
 
     @property
     def bead_widths(self) -> tuple[float, float]:
-        """Minimum and maximum extrusion width in thin walls, mm, with the defaults filled in."""
+        """Minimum and maximum extrusion width in thin walls, mm; defaults replace zeros in the quality."""
         quality, nozzle, width = self.quality, self.printer.nozzle_diameter, self.extrusion_width
         narrowest = quality.min_bead_width or min(0.85 * nozzle, width)
         return narrowest, quality.max_bead_width or max(1.65 * nozzle, width)
@@ -174,7 +174,7 @@ class Profile(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def thinnest_feature(self) -> float:
-        """Thinnest wall that is printed, mm, with the default filled in."""
+        """Thickness of the thinnest wall that is printed, mm; a default replaces a zero in the quality."""
         return self.quality.min_feature or 0.25 * self.printer.nozzle_diameter
 
     @property

@@ -14,13 +14,13 @@ import msgspec
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.input_files import read_input
-from printer_slicer.profile.folders import FOLDERS, profile_paths, search_folders
-from printer_slicer.profile.lists import LISTS, list_as_text, list_from_text, merge_lists
+from printer_slicer.profile.folders import FOLDERS, find_profile_paths, list_search_folders
+from printer_slicer.profile.lists import LISTS, format_list, merge_lists, parse_list
 from printer_slicer.profile.renamed import (
-    current_name,
-    current_names,
-    list_overridden_settings,
-    resolve_former_name,
+    find_current_name,
+    list_override_keys,
+    replace_former_name,
+    replace_former_names,
 )
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.toml_text import MOST_BYTES, TomlError, find_key_lines, parse_toml
@@ -29,11 +29,11 @@ __all__ = [
     "DEFAULT_NAMES",
     "KINDS",
     "SettingsSource",
-    "flatten",
-    "kind_of",
+    "find_profile_file",
+    "find_profile_kind",
+    "flatten_tables",
+    "merge_sources",
     "merge_tables",
-    "overlay",
-    "path_of",
     "read_chain",
 ]
 
@@ -69,12 +69,12 @@ class SettingsSource(NamedTuple):
     places: dict[str, str]
     file: str
 
-    def place(self, path: str) -> str:
-        """Return the place where a key or its table was set; the file if it was not set."""
-        return self.known_place(path) or self.file
+    def find_place_or_file(self, path: str) -> str:
+        """Return where a key, or the table that contains it, was set; the file if neither was set."""
+        return self.find_place(path) or self.file
 
-    def known_place(self, path: str) -> str:
-        """Return the place where a key or its table was set; empty if it was not set."""
+    def find_place(self, path: str) -> str:
+        """Return where a key, or the table that contains it, was set; an empty text if neither was set."""
         path = path.replace("[...]", "")
         while "[" in path:  # an entry of a list that has no place takes the place of the list
             if path in self.places:
@@ -100,7 +100,7 @@ def read_chain(
     Raises:
         ProfileError: a file does not exist, cannot be read, or inherits from itself.
     """
-    path = path_of(kind, name, folders, seen)
+    path = find_profile_file(kind, name, folders, seen)
     if path in seen:
         cycle = " -> ".join(one.name for one in (*seen[seen.index(path) :], path))
         raise ProfileError(f"{path}: inherits from itself: {cycle}", remedy="Remove one of these `inherits`")
@@ -109,12 +109,12 @@ def read_chain(
             f"{seen[0]}: more than {MAX_ANCESTORS} levels of inheritance", remedy="Inherit from fewer files"
         )
     text, values = _read_toml(path)
-    lines = {current_name(key): line for key, line in find_key_lines(text).items()}
-    for key in _leaf_keys(values):
-        resolve_former_name(key, f"{path}:{_find_line(lines, current_name(key))}")
-    for key in list_overridden_settings(values):
-        resolve_former_name(key, f"{path}:{_find_line(lines, 'overrides')}: override")
-    values = current_names(values)
+    lines = {find_current_name(key): line for key, line in find_key_lines(text).items()}
+    for key in _list_leaf_keys(values):
+        replace_former_name(key, f"{path}:{_find_line(lines, find_current_name(key))}")
+    for key in list_override_keys(values):
+        replace_former_name(key, f"{path}:{_find_line(lines, 'overrides')}: override")
+    values = replace_former_names(values)
     parent = values.pop("inherits", None)
     if parent is not None and not isinstance(parent, str):
         raise ProfileError(
@@ -125,15 +125,15 @@ def read_chain(
     base = read_chain(kind, parent, folders, (*seen, path)) if parent else SettingsSource({}, {}, str(path))
     places = {
         key: f"{path}:{_find_line(lines, key)}"
-        for key in [*_leaf_keys(values), *(one for one in lines if "[" in one)]
+        for key in [*_list_leaf_keys(values), *(one for one in lines if "[" in one)]
     }
     if kind == "quality":
         _choose_uniform_planner(base, values)
-    return overlay(base, SettingsSource(_parse_lists(values), places, str(path)))
+    return merge_sources(base, SettingsSource(_parse_lists(values), places, str(path)))
 
 
 def _check_aliases(aliases: object, place: str) -> None:
-    """Check the other names of a profile, which `finding` reads.
+    """Check the aliases of a profile: further names, by which `finding` finds the profile.
 
     Raises:
         ProfileError: they are not a list of texts.
@@ -146,7 +146,7 @@ def _check_aliases(aliases: object, place: str) -> None:
 
 
 def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> None:
-    """Choose the uniform planner in place if a quality sets a layer height and inherits its planner.
+    """Set the uniform planner in `values` if a quality sets a layer height and inherits its planner.
 
     Other planners choose the layer heights themselves, so the layer height would be ignored.
     """
@@ -155,19 +155,19 @@ def _choose_uniform_planner(base: SettingsSource, values: dict[str, Any]) -> Non
         values["planner"] = {"kind": "uniform"}
 
 
-def overlay(base: SettingsSource, over: SettingsSource) -> SettingsSource:
+def merge_sources(base: SettingsSource, over: SettingsSource) -> SettingsSource:
     """Merge settings into base settings, with their places; rules for objects and height ranges are appended."""
     values = merge_tables(base.values, over.values, appends=True)
     places = dict(base.places)
     for key, place in over.places.items():
         found = re.match(r"(.+?)\[(\d+)\](.*)", key)
-        before = _list_length(values, found[1]) - _list_length(over.values, found[1]) if found else 0
+        before = _count_items(values, found[1]) - _count_items(over.values, found[1]) if found else 0
         places[f"{found[1]}[{int(found[2]) + before}]{found[3]}" if found else key] = place
     return SettingsSource(values, places, over.file)
 
 
-def _list_length(values: Mapping[str, Any], path: str) -> int:
-    """Return the length of the list at a dotted key; 0 if there is no list."""
+def _count_items(values: Mapping[str, Any], path: str) -> int:
+    """Return the number of items in the list at a dotted key; 0 if there is no list."""
     found: Any = values
     for key in path.split("."):
         found = found.get(key) if isinstance(found, Mapping) else None
@@ -175,25 +175,25 @@ def _list_length(values: Mapping[str, Any], path: str) -> int:
 
 
 def _parse_lists(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Convert the texts of settings that are lists; the conversion of types reports invalid texts."""
+    """Parse settings that are lists written as text; the later conversion of types reports invalid texts."""
     result = dict(values)
     for key, value in values.items():
         if isinstance(value, dict):
             result[key] = _parse_lists(value, f"{prefix}{key}.")
         elif isinstance(value, str) and prefix + key in LISTS:
             with suppress(ProfileError):
-                result[key] = list_from_text(prefix + key, value)
+                result[key] = parse_list(prefix + key, value)
     return result
 
 
-def _leaf_keys(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+def _list_leaf_keys(values: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the dotted keys of all values that are not tables."""
     for key, value in values.items():
-        yield from _leaf_keys(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
+        yield from _list_leaf_keys(value, f"{prefix}{key}.") if isinstance(value, dict) else (prefix + key,)
 
 
 def _find_line(lines: Mapping[str, int], key: str) -> int:
-    """Return the line of a key or of its table."""
+    """Return the line number of a key, or of the table that contains it."""
     while key not in lines and "." in key:
         key = key.rpartition(".")[0]
     return lines.get(key, 1)
@@ -224,7 +224,9 @@ def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         ) from None
 
 
-def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()) -> Path:
+def find_profile_file(
+    kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path, ...] = ()
+) -> Path:
     """Return the file of a profile, by name or by path.
 
     A profile that inherits from its own name inherits from the next one of that name, such as a user's `pla` from the
@@ -245,7 +247,7 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
         if not path.is_file():
             raise _explain_missing_file(path, asked_by, f"{kind} ")
         return path
-    candidates = [folder / FOLDERS[kind] / f"{name}.toml" for folder in search_folders(folders)]
+    candidates = [folder / FOLDERS[kind] / f"{name}.toml" for folder in list_search_folders(folders)]
     try:
         files = [path for path in candidates if path.is_file()]
     except ValueError:  # not a valid file name
@@ -261,7 +263,7 @@ def path_of(kind: str, name: str, folders: Sequence[Path] = (), seen: tuple[Path
 
 
 def _describe_known_names(known: Collection[str]) -> str:
-    """Return a remedy that lists the known names, or a command that lists them if there are many."""
+    """Format a remedy that lists the known names; if there are many, it names a command that lists them."""
     return (
         f"Known: {', '.join(known)}" if len(known) <= _MOST_LISTED else "`printer-slicer profiles` lists all"
     )
@@ -275,7 +277,7 @@ def _find_by_display_name(kind: str, name: str, folders: Sequence[Path], asked_b
     """
     from printer_slicer.profile.finding import find_profiles, suggest_profiles  # noqa: PLC0415 - reads all profiles
 
-    known = profile_paths(kind, folders)
+    known = find_profile_paths(kind, folders)
     matches = find_profiles(kind, name, folders)
     if matches and matches[0].is_sure and not asked_by:
         return known[matches[0].name]
@@ -302,7 +304,7 @@ def _explain_missing_file(path: Path, asked_by: str = "", kind: str = "") -> Pro
     )
 
 
-def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
+def find_profile_kind(name: str, folders: Sequence[Path] = ()) -> str:
     """Return the kind of a profile: `printer`, `material` or `quality`.
 
     The kind of a file is determined from its folder, from the profile that it inherits from, or from its keys, in this
@@ -312,8 +314,8 @@ def kind_of(name: str, folders: Sequence[Path] = ()) -> str:
         ProfileError: the profile is unknown, or its kind is ambiguous.
     """
     if name.endswith(".toml") or "/" in name:
-        return _kind_of_file(Path(name), folders)
-    kinds = [kind for kind in KINDS if name in profile_paths(kind, folders)]
+        return _find_kind_of_file(Path(name), folders)
+    kinds = [kind for kind in KINDS if name in find_profile_paths(kind, folders)]
     if len(kinds) == 1:
         return kinds[0]
     if kinds:
@@ -339,7 +341,7 @@ def _find_matching_kind(name: str, folders: Sequence[Path]) -> str:
     if candidates:
         shown = ", ".join(f"{kind} {matches[kind][0].name}" for kind in candidates)
         raise ProfileError(f"several profiles match {name!r}", remedy=f"Did you mean {shown}?")
-    known = sorted(one for kind in KINDS for one in profile_paths(kind, folders))
+    known = sorted(one for kind in KINDS for one in find_profile_paths(kind, folders))
     near = get_close_matches(name, known, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
@@ -347,7 +349,7 @@ def _find_matching_kind(name: str, folders: Sequence[Path]) -> str:
     )
 
 
-def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
+def _find_kind_of_file(path: Path, folders: Sequence[Path]) -> str:
     """Return the kind of a profile's file."""
     for kind, folder in FOLDERS.items():
         if path.absolute().parent.name == folder:
@@ -357,7 +359,7 @@ def _kind_of_file(path: Path, folders: Sequence[Path]) -> str:
     values = _read_toml(path)[1]
     parent = values.get("inherits")
     if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):
-        kinds = [kind for kind in KINDS if parent in profile_paths(kind, folders)]
+        kinds = [kind for kind in KINDS if parent in find_profile_paths(kind, folders)]
         if len(kinds) == 1:
             return kinds[0]
     counts = {kind: len(set(values) & set(struct.__struct_fields__)) for kind, struct in KINDS.items()}
@@ -397,10 +399,10 @@ def merge_tables(
     return result
 
 
-def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
+def flatten_tables(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, object]]:
     """Yield settings as dotted key and value; lists are converted to text."""
     for key, value in values.items():
         if isinstance(value, dict):
-            yield from flatten(value, f"{prefix}{key}.")
+            yield from flatten_tables(value, f"{prefix}{key}.")
         else:
-            yield prefix + key, list_as_text(value) if isinstance(value, list | tuple) else value
+            yield prefix + key, format_list(value) if isinstance(value, list | tuple) else value

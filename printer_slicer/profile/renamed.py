@@ -6,7 +6,13 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, Final
 
-__all__ = ["RENAMED", "current_name", "current_names", "list_overridden_settings", "resolve_former_name"]
+__all__ = [
+    "RENAMED",
+    "find_current_name",
+    "list_override_keys",
+    "replace_former_name",
+    "replace_former_names",
+]
 
 _ROLES: Final[Mapping[str, str]] = {
     "outer_perimeter": "external_perimeter",
@@ -30,15 +36,15 @@ RENAMED: Final[Mapping[str, str]] = {
 _SECTIONS: Final = ("printer.", "quality.")
 
 
-def current_name(key: str) -> str:
+def find_current_name(key: str) -> str:
     """Return the current name of a setting; keys that are not former names are returned unchanged."""
     section = next((one for one in _SECTIONS if key.startswith(one)), "")
     name = key.removeprefix(section)
     return section + RENAMED.get(name, name)
 
 
-def current_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return settings under their current names; if both names of a setting occur, the current one counts.
+def replace_former_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Rename settings from former to current names; if both names of a setting occur, the current name counts.
 
     Args:
         values: settings of one section; tables are nested.
@@ -46,44 +52,44 @@ def current_names(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]
     """
     result: dict[str, Any] = {}
     for key, value in values.items():
-        new = current_name(prefix + key).removeprefix(prefix)
+        new = find_current_name(prefix + key).removeprefix(prefix)
         if new != key and new in values:
             continue
-        result[new] = _rename_nested(prefix + key, value)
+        result[new] = _replace_nested_names(prefix + key, value)
     return result
 
 
-def _rename_nested(key: str, value: Any) -> Any:
-    """Return a value with current names in the tables and overrides inside it."""
+def _replace_nested_names(key: str, value: Any) -> Any:
+    """Replace former names of settings by current ones, in the tables and overrides inside a value."""
     if isinstance(value, dict):
-        return current_names(value, f"{key}.")
+        return replace_former_names(value, f"{key}.")
     if key == "overrides" and isinstance(value, list):
-        return [_rename_in_override(one) for one in value]
+        return [_replace_names_in_override(one) for one in value]
     return value
 
 
-def list_overridden_settings(values: Mapping[str, Any]) -> list[str]:
+def list_override_keys(values: Mapping[str, Any]) -> list[str]:
     """Return the keys of the settings in the overrides of a section, as written."""
     tables = values.get("overrides")
     changes = [one.get("set") for one in tables if isinstance(one, dict)] if isinstance(tables, list) else []
     return [key for one in changes if isinstance(one, dict) for key in one]
 
 
-def _rename_in_override(table: Any) -> Any:
-    """Return an override with the current names of its settings."""
+def _replace_names_in_override(table: Any) -> Any:
+    """Replace former names of settings in an override by current ones; return the new override."""
     if isinstance(table, dict) and isinstance(changes := table.get("set"), dict):
-        return {**table, "set": {current_name(key): value for key, value in changes.items()}}
+        return {**table, "set": {find_current_name(key): value for key, value in changes.items()}}
     return table
 
 
-def resolve_former_name(key: str, place: str = "") -> str:
+def replace_former_name(key: str, place: str = "") -> str:
     """Return the current name of a setting, and warn if the key is a former name.
 
     Args:
         key: the key as written.
         place: where it is written, for the warning: a file with a line, or an override.
     """
-    new = current_name(key)
+    new = find_current_name(key)
     if new != key:
         warnings.warn(
             f"{place}{': ' if place else ''}{key} is now called {new}; the former name works in this release only",

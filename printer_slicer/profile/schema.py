@@ -13,14 +13,14 @@ from printer_slicer.profile.base import HEIGHT, OBJECT
 from printer_slicer.profile.folders import SCHEMAS
 from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 
-__all__ = ["directive", "schema_name", "schema_of", "schema_text"]
+__all__ = ["format_schema", "format_schema_directive", "make_schema", "make_schema_name"]
 
 _DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
 
 
-def schema_of(kind: str) -> dict[str, Any]:
+def make_schema(kind: str) -> dict[str, Any]:
     """Return the schema of a file of one kind: `printer`, `material` or `quality`.
 
     No setting is required in a file that inherits from another one.
@@ -45,7 +45,7 @@ def schema_of(kind: str) -> dict[str, Any]:
 
 
 def _build_components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the schema of a kind and the schemas of its groups, in which lists may also be texts."""
+    """Build the schema of a kind and the schemas of its groups of settings; lists may also be written as text."""
     _, parts = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
     definitions = {name: _add_units(part) for name, part in parts.items()}
     for name, group in definitions.items():
@@ -58,11 +58,11 @@ def _build_components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def _build_override_rules(quality: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the schema rules of an override: it needs an object or a height range, and allows some settings."""
+    """Build the schema of overrides, which need an object or a height range and allow only some settings."""
     kinds = {"quality": quality, "material": _build_components("material")[0]}
     known: dict[str, Any] = {}
     schema: dict[str, set[str]] = {OBJECT: set(), HEIGHT: set()}
-    for row in settings_table():
+    for row in list_setting_definitions():
         kind, *tables, leaf = row.key.split(".")
         group = groups[tables[0].capitalize()] if row.own and tables else kinds.get(kind, {})
         for name in (row.key, row.key.partition(".")[2]) if row.own else ():
@@ -90,7 +90,7 @@ def _build_override_rules(quality: Mapping[str, Any], groups: Mapping[str, Any])
 
 
 def _add_units(part: Any) -> Any:
-    """Return a part of a schema with units appended to descriptions, and without empty descriptions."""
+    """Append units to the descriptions in a schema and drop empty descriptions; return the new schema."""
     if isinstance(part, list):
         return [_add_units(item) for item in part]
     if not isinstance(part, Mapping):
@@ -104,17 +104,17 @@ def _add_units(part: Any) -> Any:
     return plain
 
 
-def schema_name(kind: str) -> str:
+def make_schema_name(kind: str) -> str:
     """Return the name of the schema file."""
     return f"{kind}.schema.json"
 
 
-def schema_text(kind: str) -> str:
-    """Return the text of the schema file."""
-    return json.dumps(schema_of(kind), indent=1, ensure_ascii=False) + "\n"
+def format_schema(kind: str) -> str:
+    """Format the schema of a kind as the text of its file."""
+    return json.dumps(make_schema(kind), indent=1, ensure_ascii=False) + "\n"
 
 
-def directive(kind: str, folder: Path | None = None) -> str:
-    """Return the comment that tells editors where the schema is: beside the folders of profiles, or in `folder`."""
+def format_schema_directive(kind: str, folder: Path | None = None) -> str:
+    """Format the comment that tells editors where the schema is: beside the folders of profiles, or in `folder`."""
     where = f"../{SCHEMAS}" if folder is None else folder.absolute().as_uri()
-    return f"#:schema {where}/{schema_name(kind)}"
+    return f"#:schema {where}/{make_schema_name(kind)}"

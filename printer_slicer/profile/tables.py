@@ -10,18 +10,18 @@ from typing import Any, Final, NamedTuple
 import msgspec
 from msgspec import inspect
 
-from printer_slicer.profile.lists import list_as_text
+from printer_slicer.profile.lists import format_list
 from printer_slicer.profile.reading import KINDS
 
 __all__ = [
     "RATIO_UNITS",
     "SettingRow",
-    "choices_of",
+    "accepts_form",
+    "find_choices",
     "find_settings",
     "is_ratio",
-    "rows_of",
-    "settings_table",
-    "takes_form",
+    "list_setting_definitions",
+    "list_setting_rows",
 ]
 
 _SIGNS: Final[Mapping[str, str]] = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
@@ -66,20 +66,22 @@ def find_settings(*words: str) -> list[SettingRow]:
     """
     lower = [word.lower() for word in words]
     return [
-        row for row in settings_table() if all(word in f"{row.key} {row.meaning}".lower() for word in lower)
+        row
+        for row in list_setting_definitions()
+        if all(word in f"{row.key} {row.meaning}".lower() for word in lower)
     ]
 
 
-def settings_table() -> Iterator[SettingRow]:
+def list_setting_definitions() -> Iterator[SettingRow]:
     """Yield one row for each setting, in the order of definition.
 
     Keys are such as `quality.perimeters` and, for a planner, `quality.planner[optimal].ranges`.
     """
     for kind, struct in KINDS.items():
-        yield from rows_of(struct, kind)
+        yield from list_setting_rows(struct, kind)
 
 
-def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
+def list_setting_rows(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
     """Yield the rows of a group of settings and its subgroups."""
     info = inspect.type_info(struct)
     assert isinstance(info, inspect.StructType)
@@ -95,7 +97,7 @@ def rows_of(struct: type[msgspec.Struct], prefix: str) -> Iterator[SettingRow]:
             meaning = "layer-height algorithm; settings of the other algorithms are rejected"
             yield SettingRow(f"{key}.kind", "literal", "", kinds, "optimal", meaning)
         for one in groups:
-            yield from rows_of(one.cls, f"{key}[{one.tag}]" if one.tag else key)
+            yield from list_setting_rows(one.cls, f"{key}[{one.tag}]" if one.tag else key)
 
 
 def _make_row(key: str, entry: inspect.Field) -> SettingRow:
@@ -124,18 +126,18 @@ def _format_default(entry: inspect.Field) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return list_as_text(value) or "empty"
+        return format_list(value) or "empty"
     return str(value) or "empty"
 
 
 def is_ratio(key: str) -> bool:
     """Return whether a setting, with or without its section, is a ratio, which can be written as a percentage."""
-    row = _rows_by_key().get(key)
+    row = _map_keys_to_rows().get(key)
     return row is not None and row.unit in RATIO_UNITS
 
 
-def takes_form(key: str, text: str) -> bool:
-    """Return whether a setting takes a value of this form: a percentage only for ratios, a word only from its choices.
+def accepts_form(key: str, text: str) -> bool:
+    """Return whether a setting accepts a value: percentages only for ratios, words only from the choices.
 
     Args:
         key: the setting, with or without its section.
@@ -143,19 +145,19 @@ def takes_form(key: str, text: str) -> bool:
     """
     if text.endswith("%"):
         return is_ratio(key)
-    row = _rows_by_key().get(key) if text.isidentifier() else None
+    row = _map_keys_to_rows().get(key) if text.isidentifier() else None
     return row is None or not row.choices or text in row.choices.split(", ")
 
 
 @cache
-def _rows_by_key() -> Mapping[str, SettingRow]:
-    """Return the rows by their keys, with and without sections; those of qualities take precedence."""
-    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in settings_table()}
+def _map_keys_to_rows() -> Mapping[str, SettingRow]:
+    """Map keys, with and without section, to their rows; keys without section refer to qualities first."""
+    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in list_setting_definitions()}
     return {key.partition(".")[2]: row for key, row in rows.items()} | rows
 
 
-def choices_of(struct: type[msgspec.Struct], path: str) -> str:
+def find_choices(struct: type[msgspec.Struct], path: str) -> str:
     """Return the choices of a setting, separated by commas; empty for settings without choices."""
-    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in rows_of(struct, "")}
+    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in list_setting_rows(struct, "")}
     row = rows.get(path)
     return row.choices if row else ""

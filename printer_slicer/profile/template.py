@@ -10,15 +10,15 @@ import msgspec
 
 from printer_slicer.profile.conversion import convert_section
 from printer_slicer.profile.reading import SettingsSource
-from printer_slicer.profile.tables import SettingRow, rows_of
+from printer_slicer.profile.tables import SettingRow, list_setting_rows
 
-__all__ = ["new_profile", "toml_value"]
+__all__ = ["format_new_profile", "format_toml_value"]
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 
 
-def new_profile(kind: str, name: str, parent: str, source: SettingsSource, directive: str) -> str:
-    """Return the text of a profile that inherits from `parent` and changes only the name.
+def format_new_profile(kind: str, name: str, parent: str, source: SettingsSource, directive: str) -> str:
+    """Format a profile that inherits from `parent` and changes only the name.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -31,8 +31,8 @@ def new_profile(kind: str, name: str, parent: str, source: SettingsSource, direc
     lines = [
         directive,
         f"# {name}: describe this profile here; `printer-slicer profiles` shows this line.",
-        f"inherits = {toml_value(parent)}",
-        f"name = {toml_value(name)}",
+        f"inherits = {format_toml_value(parent)}",
+        f"name = {format_toml_value(name)}",
         "",
         "# All settings with their current values. Remove the # from the settings that you change.",
         f"# `printer-slicer profiles check FILE` checks this file; `profiles diff {parent} FILE` shows the changes.",
@@ -42,7 +42,11 @@ def new_profile(kind: str, name: str, parent: str, source: SettingsSource, direc
 
 def _format_settings(values: msgspec.Struct) -> Iterator[str]:
     """Yield commented lines for every setting of a group, with tables at the end."""
-    rows = {row.key: row for row in rows_of(type(values), "") if "." not in row.key and "[" not in row.key}
+    rows = {
+        row.key: row
+        for row in list_setting_rows(type(values), "")
+        if "." not in row.key and "[" not in row.key
+    }
     tables = []
     for key in values.__struct_fields__:
         value = getattr(values, key)
@@ -53,8 +57,9 @@ def _format_settings(values: msgspec.Struct) -> Iterator[str]:
     for key, value in tables:
         yield from ("", f"# [{key}]")
         if kind := value.__struct_config__.tag:
-            yield f"# kind = {toml_value(kind)} # other kinds have other settings: see `profiles settings planner`"
-        for row in rows_of(type(value), ""):
+            shown = format_toml_value(kind)
+            yield f"# kind = {shown} # other kinds have other settings: see `profiles settings planner`"
+        for row in list_setting_rows(type(value), ""):
             yield from _format_setting(row, getattr(value, row.key))
 
 
@@ -64,21 +69,23 @@ def _format_setting(row: SettingRow, value: object) -> Iterator[str]:
     bounds = f" ({row.bounds})" if row.bounds else ""
     yield ""
     yield f"# {row.meaning}{unit}{bounds}"
-    yield from (f"# {line}" for line in f"{row.key} = {toml_value(msgspec.to_builtins(value))}".split("\n"))
+    yield from (
+        f"# {line}" for line in f"{row.key} = {format_toml_value(msgspec.to_builtins(value))}".split("\n")
+    )
 
 
-def toml_value(value: object) -> str:
+def format_toml_value(value: object) -> str:
     """Format a value as TOML; a text of several lines keeps its lines."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
         return (
             "{ "
-            + ", ".join(f"{_format_key(str(key))} = {toml_value(one)}" for key, one in value.items())
+            + ", ".join(f"{_format_key(str(key))} = {format_toml_value(one)}" for key, one in value.items())
             + " }"
         )
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+        return "[" + ", ".join(format_toml_value(item) for item in value) + "]"
     if isinstance(value, str) and "\n" in value and not _CONTROL.search(value):
         plain = value.replace("\\", "\\\\").replace('"""', '""\\"')
         return f'"""\n{plain}"""'

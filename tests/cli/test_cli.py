@@ -18,8 +18,8 @@ from command_line import BOX, MACHINE, NO_BUFFER, PARTS, QUICK, USUAL, is_messag
 
 from printer_slicer.cli.help import SHORT_LINES, is_advanced
 from printer_slicer.cli.parser import build_parser
-from printer_slicer.profile import DEFAULT_NAMES, load_profile, profile_paths, settings_text
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile import DEFAULT_NAMES, find_profile_paths, list_settings, load_profile
+from printer_slicer.profile.tables import list_setting_definitions
 from tests.waiting import LAST_RESORT
 
 COMMANDS = ("slice", "plan", "contours", "dry-run", "print", "sim", "ports", "profiles")
@@ -123,7 +123,7 @@ def test_the_examples_of_the_help_can_be_typed(example: str) -> None:
     assert callable(parsed.run)
     for kind in ("printer", "material", "quality"):
         name = getattr(parsed, kind, None)
-        assert name is None or name in profile_paths(kind)
+        assert name is None or name in find_profile_paths(kind)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_the_settings_of_the_flags_are_those_in_the_file(tmp_path: Path) -> None
     wanted = load_profile("marlin_220_06", "petg", "strong", {**changes, "planner.kind": "area"})
     written = settings_of(tmp_path / "box.gcode")
 
-    assert written == {key: str(value).replace("\n", "\\n") for key, value in settings_text(wanted)}
+    assert written == {key: str(value).replace("\n", "\\n") for key, value in list_settings(wanted)}
     assert written["quality.planner.kind"] == "area"
 
 
@@ -430,14 +430,14 @@ def test_profiles_lists_every_profile_and_the_defaults() -> None:
     for kind, default in DEFAULT_NAMES.items():
         assert f"--{kind}\n" in outcome.out
         assert f"{default} (default)" in outcome.out
-        assert all(re.search(rf"(?m)^  {name}\b", outcome.out) for name in profile_paths(kind))
+        assert all(re.search(rf"(?m)^  {name}\b", outcome.out) for name in find_profile_paths(kind))
 
 
 def test_profiles_as_json_tells_where_the_files_are() -> None:
     listed = document(typed("profiles", "--json").out)
 
     assert listed == {
-        kind: {name: str(path) for name, path in profile_paths(kind).items()} for kind in DEFAULT_NAMES
+        kind: {name: str(path) for name, path in find_profile_paths(kind).items()} for kind in DEFAULT_NAMES
     }
 
 
@@ -445,13 +445,13 @@ def test_profiles_lists_every_setting() -> None:
     text = typed("profiles", "settings").out
     rows = document(typed("profiles", "settings", "--json").out)
 
-    assert [row["key"] for row in rows] == [row[0] for row in settings_table()]
+    assert [row["key"] for row in rows] == [row[0] for row in list_setting_definitions()]
     assert all(set(row) == {"key", "type", "unit", "bounds", "default", "meaning", "own"} for row in rows)
     assert all(row["key"] in text and row["meaning"] in text for row in rows)
 
 
 @pytest.mark.parametrize(
-    ("kind", "name"), [(kind, name) for kind in DEFAULT_NAMES for name in profile_paths(kind)]
+    ("kind", "name"), [(kind, name) for kind in DEFAULT_NAMES for name in find_profile_paths(kind)]
 )
 def test_every_shipped_profile_can_be_shown(kind: str, name: str) -> None:
     text, answer = typed("profiles", kind, name), typed("profiles", kind, name, "--json")

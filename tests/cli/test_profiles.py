@@ -13,9 +13,9 @@ from command_line import BOX, QUICK, Outcome, is_message, typed
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.gcode.macro_faults import find_macro_faults
-from printer_slicer.profile import KINDS, load_profile, profile_paths
-from printer_slicer.profile.folders import VARIABLE, profile_root
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile import KINDS, find_profile_paths, load_profile
+from printer_slicer.profile.folders import VARIABLE, find_shipped_profiles
+from printer_slicer.profile.tables import list_setting_definitions
 
 
 @pytest.fixture
@@ -63,11 +63,11 @@ def test_show_tells_where_values_come_from() -> None:
     shown = told("show", "voron_0_2")
     text = typed("profiles", "show", "voron_0_2").out
 
-    assert shown["bed_x"] == {"value": 120, "from": f"{profile_root()}/printers/voron_0_2.toml:8"}
-    assert shown["flavour"]["from"].startswith(f"{profile_root()}/printers/corexy_klipper.toml:")
+    assert shown["bed_x"] == {"value": 120, "from": f"{find_shipped_profiles()}/printers/voron_0_2.toml:8"}
+    assert shown["flavour"]["from"].startswith(f"{find_shipped_profiles()}/printers/corexy_klipper.toml:")
     assert shown["probe"] == {"value": False, "from": "default"}
     assert re.search(
-        rf"(?m)^bed_x = 120 +# {re.escape(str(profile_root()))}/printers/voron_0_2.toml:8$", text
+        rf"(?m)^bed_x = 120 +# {re.escape(str(find_shipped_profiles()))}/printers/voron_0_2.toml:8$", text
     )
 
 
@@ -138,7 +138,7 @@ def test_a_new_profile_goes_where_it_is_told(tmp_path: Path) -> None:
     directive = path.read_text(encoding="utf-8").splitlines()[0]
 
     assert outcome.code == 0
-    assert directive == f"#:schema {(profile_root() / 'schema' / 'quality.schema.json').as_uri()}"
+    assert directive == f"#:schema {(find_shipped_profiles() / 'schema' / 'quality.schema.json').as_uri()}"
     assert typed("profiles", "check", path).out == f"{path}: no errors\n"
     assert typed("profiles", "new", "quality", "mine", "-o", "-").out.startswith("#:schema ")
 
@@ -181,7 +181,7 @@ def test_path_tells_the_folders(own: Path, tmp_path: Path) -> None:
     assert told("path", "--profiles", tmp_path) == {
         "named": [str(tmp_path)],
         "own": [str(own)],
-        "shipped": [str(profile_root())],
+        "shipped": [str(find_shipped_profiles())],
     }
     assert "does not exist yet" in typed("profiles", "path").out
 
@@ -304,7 +304,7 @@ def test_macros_that_hang_on_part_material_or_quality_are_not_faulted(tmp_path: 
     assert (outcome.code, outcome.err) == (0, "")
 
 
-@pytest.mark.parametrize("printer", profile_paths("printer"))
+@pytest.mark.parametrize("printer", find_profile_paths("printer"))
 def test_macros_of_all_shipped_printers_are_sound(printer: str) -> None:
     assert list(find_macro_faults(load_profile(printer, slices=False).printer)) == []
 
@@ -326,7 +326,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize("flag", SETTING_OPTIONS)
 def test_an_option_means_what_its_setting_means(flag: str) -> None:
     option = SETTING_OPTIONS[flag]
-    rows = {row.key.replace("[optimal]", ""): row for row in settings_table()}
+    rows = {row.key.replace("[optimal]", ""): row for row in list_setting_definitions()}
     row = rows[option.setting]
     told = row.meaning + (f"; one of: {row.bounds.replace(' |', ',')}" if row.type == "literal" else "")
 

@@ -10,8 +10,8 @@ import pytest
 
 from printer_slicer.cli import main
 from printer_slicer.profile.finding import find_profiles
-from printer_slicer.profile.folders import VARIABLE, profile_root
-from printer_slicer.profile.reading import path_of
+from printer_slicer.profile.folders import VARIABLE, find_shipped_profiles
+from printer_slicer.profile.reading import find_profile_file
 from tests.importing.files import FLAT, flat_file, ini
 from tests.importing.test_bundle import BUNDLE
 
@@ -142,7 +142,7 @@ def test_an_exact_name_selects_the_shipped_printer_or_the_imported_one(
     file = flat_file(tmp_path, printer_settings_id=f"{V2} (0.4 mm nozzle)", printer_model="ENDER3V2")
     run(capsys, file, "-o", tmp_path, "--name", "ender3")
 
-    assert path_of("printer", typed_name, [tmp_path]).stem == found
+    assert find_profile_file("printer", typed_name, [tmp_path]).stem == found
 
 
 def test_the_users_own_printer_wins_among_equal_display_names(
@@ -150,8 +150,8 @@ def test_the_users_own_printer_wins_among_equal_display_names(
 ) -> None:
     run(capsys, flat_file(tmp_path, printer_settings_id=V2), "-o", tmp_path)
 
-    assert path_of("printer", V2, [tmp_path]).is_relative_to(tmp_path)
-    assert path_of("printer", "Ender 3 V2", [tmp_path]).stem == "creality_ender3_v2"
+    assert find_profile_file("printer", V2, [tmp_path]).is_relative_to(tmp_path)
+    assert find_profile_file("printer", "Ender 3 V2", [tmp_path]).stem == "creality_ender3_v2"
 
 
 def test_the_name_of_an_imported_printer_has_other_words_than_a_shipped_one(
@@ -229,7 +229,7 @@ def test_imported_profiles_are_found_by_name_and_refer_to_their_schema(
     for kind, path in files.items():
         named = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("#:schema ")
         assert (path.parent / named).read_text() == (
-            profile_root() / "schema" / f"{kind}.schema.json"
+            find_shipped_profiles() / "schema" / f"{kind}.schema.json"
         ).read_text()
     assert main(["profiles", "check", *(path.stem for path in files.values())]) == 0
 
@@ -240,7 +240,7 @@ def test_profiles_in_another_folder_refer_to_the_shipped_schema(
     run(capsys, flat_file(tmp_path), "-o", tmp_path / "made")
     first = (tmp_path / "made" / "materials" / "plain_pla.toml").read_text(encoding="utf-8").splitlines()[0]
 
-    assert first == f"#:schema {(profile_root() / 'schema').as_uri()}/material.schema.json"
+    assert first == f"#:schema {(find_shipped_profiles() / 'schema').as_uri()}/material.schema.json"
     assert not (tmp_path / "made" / "schema").exists()
 
 

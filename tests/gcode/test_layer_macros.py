@@ -23,7 +23,7 @@ from printer_slicer.macros.names import FACTS
 from printer_slicer.model import Program
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.pipeline import slice_part
-from printer_slicer.profile import settings_text
+from printer_slicer.profile import list_settings
 from printer_slicer.slice_jobs import job_of
 from tests.parts import box, plain, profile
 from tests.tiny_gcode import commands
@@ -139,7 +139,7 @@ def test_the_examples_of_the_document_are_true(macro: str, expected: str) -> Non
 
 def test_the_document_names_every_fact_and_every_function() -> None:
     text = DOCUMENT.read_text("utf-8")
-    settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
+    settings = {name for key, _ in list_settings(plain()) for name in (key, key.partition(".")[2])}
     facts = FACTS | set(collect_layer_facts(sliced(), 0, 0, 0))
     short = {"first_layer_min_y", "first_layer_max_y"}  # told as `first_layer_min_x` and `_y`
 
@@ -151,7 +151,7 @@ def test_the_document_names_every_fact_and_every_function() -> None:
 def test_every_name_that_imports_count_on_has_a_value() -> None:
     everywhere, layers = collect_print_facts(sliced(), plain()), collect_layer_facts(sliced(), 0, 0, 0)
     end = collect_end_facts(sliced(), plain())
-    settings = {name for key, _ in settings_text(plain()) for name in (key, key.partition(".")[2])}
+    settings = {name for key, _ in list_settings(plain()) for name in (key, key.partition(".")[2])}
 
     assert get_placeholder_names("start_gcode") <= everywhere.keys()
     assert get_placeholder_names("layer_gcode") == get_placeholder_names("start_gcode") | layers.keys()

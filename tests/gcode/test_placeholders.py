@@ -134,10 +134,10 @@ def test_the_shipped_macros_have_no_open_names(program: Program, name: str) -> N
 
 def test_every_setting_can_be_said(program: Program) -> None:
     """All keys that are written at the end of a file are names, but for the macros themselves."""
-    from printer_slicer.profile import settings_text
+    from printer_slicer.profile import list_settings
 
     wanted = plain()
-    keys = [key for key, _ in settings_text(wanted) if not key.endswith("_gcode")]
+    keys = [key for key, _ in list_settings(wanted) if not key.endswith("_gcode")]
     text = profile_with(wanted, {"start_gcode": "\n".join(f"{{{key}}}" for key in keys)})
 
     assert len(filled(program, text)) == len(keys) > 60

@@ -18,7 +18,7 @@ from printer_slicer.gcode_text import gcode_of
 from printer_slicer.model import Fan, Heat, LayerPlan, Program
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 from printer_slicer.roles import Role
 from printer_slicer.texts import format_duration
 from printer_slicer.version import VERSION
@@ -217,7 +217,7 @@ def test_durations_are_spoken_without_leading_zeros(seconds: float, text: str) -
 
 
 def test_all_settings_stand_at_the_end_on_one_line_each() -> None:
-    from printer_slicer.profile import settings_text
+    from printer_slicer.profile import list_settings
 
     usual = profile("marlin_220")
     tail = (
@@ -227,7 +227,7 @@ def test_all_settings_stand_at_the_end_on_one_line_each() -> None:
         .splitlines()
     )
 
-    assert [line.split(" = ")[0] for line in tail] == [f"; {key}" for key, _ in settings_text(usual)]
+    assert [line.split(" = ")[0] for line in tail] == [f"; {key}" for key, _ in list_settings(usual)]
     assert "; quality.layer_height = 0.2" in tail
     assert sum("start_gcode" in line for line in tail) == 1
 
@@ -338,7 +338,7 @@ def test_fan_and_heat_stand_before_the_move_they_belong_to(printer: str) -> None
 
 
 def test_every_flavour_a_printer_may_have_is_in_the_table() -> None:
-    known = next(row[3] for row in settings_table() if row[0] == "printer.flavour")
+    known = next(row[3] for row in list_setting_definitions() if row[0] == "printer.flavour")
 
     assert sorted(FLAVOURS) == known.split(" | ")
 

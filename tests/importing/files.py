@@ -12,8 +12,8 @@ from printer_slicer.importing import (
     ImportedProfile,
     ImportRequest,
     RejectedProfile,
+    format_profile,
     import_profiles,
-    profile_text,
 )
 from printer_slicer.profile import Profile, load_profile
 
@@ -102,7 +102,7 @@ def loaded(made: Mapping[str, ImportedProfile], folder: Path) -> Profile:
     paths = {}
     for kind, one in made.items():
         paths[kind] = folder / f"{kind}.toml"
-        paths[kind].write_text(profile_text(one), encoding="utf-8")
+        paths[kind].write_text(format_profile(one), encoding="utf-8")
     return load_profile(**{kind: str(path) for kind, path in paths.items()})
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import ImportedProfile, ImportRequest, RejectedProfile, import_profiles
-from printer_slicer.importing.conditions import condition_holds
+from printer_slicer.importing.conditions import evaluate_condition
 from printer_slicer.importing.printer_search import find_printers
 from printer_slicer.name_search import remove_nozzle
 from tests.importing.files import imported, loaded
@@ -261,7 +261,7 @@ def test_conditions(condition: str, expected: bool | None) -> None:
         "printer_notes": "keep\\nPRINTER_MODEL_MK3",
     }
 
-    assert condition_holds(condition, known) is expected
+    assert evaluate_condition(condition, known) is expected
 
 
 @pytest.mark.parametrize("typed", ["Shop E-3 V2", "E3V2", "e-3 v2", "shop e3 v2"])

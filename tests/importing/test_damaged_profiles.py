@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.cli import main
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, format_profile, import_profiles
 from printer_slicer.macros import read_template
 from printer_slicer.macros.functions import MisusedFunction, matches
 from printer_slicer.profile.faults import find_value_fault
@@ -97,7 +97,7 @@ def check(path: Path) -> int:
             assert one.remedy
             continue
         assert isinstance(one, ImportedProfile)
-        assert find_value_fault(one.kind, tomllib.loads(profile_text(one))) is None
+        assert find_value_fault(one.kind, tomllib.loads(format_profile(one))) is None
         for name, value in one.values.items():
             if name.endswith("_gcode"):
                 readable(one, name, value)

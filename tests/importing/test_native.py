@@ -10,7 +10,7 @@ import pytest
 from printer_slicer import dry_run, job_of, load_mesh
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing import ImportRequest, import_profiles
-from printer_slicer.profile import Profile, load_profile, settings_of
+from printer_slicer.profile import Profile, load_profile, settings_as_dict
 from tests.importing.files import imported, loaded, refused
 
 PART = Path(__file__).parents[2] / "sample_parts" / "box.stl"
@@ -43,9 +43,9 @@ def test_importing_own_gcode_restores_all_settings(tmp_path: Path, printer: str)
     path, profile = written(tmp_path, printer=printer)
     made = imported(path)
 
-    assert settings_of(loaded(made, tmp_path)) == settings_of(profile)
+    assert settings_as_dict(loaded(made, tmp_path)) == settings_as_dict(profile)
     assert made["material"].name == "Our PETG, green"
-    assert not any(one.left or one.notes or one.approximated for one in made.values())
+    assert not any(one.left or one.notes or one.converted_settings for one in made.values())
 
 
 def test_kinds_and_names_choose(tmp_path: Path) -> None:

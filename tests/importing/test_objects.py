@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, format_profile, import_profiles
 from printer_slicer.profile import load_profile
 
 FLAT = {"layer_height": "0.2", "first_layer_height": "0.2", "perimeters": "2", "fill_density": "15%"}
@@ -187,7 +187,7 @@ def test_the_file_that_is_written_can_be_used(tmp_path: Path) -> None:
     ranges = heights(1, (2, 5, {"layer_height": "0.1", "perimeters": "4"}))
     made = quality(tmp_path, body("my lid", {"fill_density": "60%"}), ranges)
     path = tmp_path / "q.toml"
-    path.write_text(profile_text(made), encoding="utf-8")
+    path.write_text(format_profile(made), encoding="utf-8")
 
     profile = load_profile(quality=str(path))
 

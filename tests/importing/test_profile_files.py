@@ -9,7 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.importing import ConvertedSetting, ImportedProfile, file_names, profile_text, short_name
+from printer_slicer.importing import (
+    ConvertedSetting,
+    ImportedProfile,
+    choose_file_names,
+    format_profile,
+    make_short_name,
+)
 
 TEXTS = st.text(max_size=60)
 VALUES = (
@@ -39,12 +45,12 @@ def plain(value: Any) -> Any:
 
 @given(TABLES)
 def test_a_file_has_the_values_of_its_profile(values: dict[str, Any]) -> None:
-    assert tomllib.loads(profile_text(made(values, "any \x00 name"))) == plain(values)
+    assert tomllib.loads(format_profile(made(values, "any \x00 name"))) == plain(values)
 
 
 @given(st.lists(st.tuples(st.sampled_from(["printer", "material"]), TEXTS), max_size=8))
 def test_file_names_are_unique_and_valid_on_every_system(names: list[tuple[str, str]]) -> None:
-    found = file_names([made({}, name, kind) for kind, name in names])
+    found = choose_file_names([made({}, name, kind) for kind, name in names])
 
     assert len({(kind, one) for (kind, _), one in zip(names, found, strict=True)}) == len(names)
     assert all(one and set(one) <= set("abcdefghijklmnopqrstuvwxyz0123456789_") for one in found)
@@ -61,7 +67,7 @@ def test_file_names_are_easy_to_type() -> None:
         "日本",
     ]
 
-    assert file_names([made({}, name) for name in names]) == [
+    assert choose_file_names([made({}, name) for name in names]) == [
         "creality_ender_3_v2", "mk3s_mk3s_plus", "mk3s_mk3s_plus_2", "uberdrucker", "con_", "printer", "printer_2",
     ]  # fmt: skip
 
@@ -83,12 +89,12 @@ def test_file_names_are_easy_to_type() -> None:
     ],
 )
 def test_names_of_files_are_short_and_never_paths(name: str, short: str) -> None:
-    assert short_name(name) == short
-    assert file_names([made({}, name)]) == [short]
+    assert make_short_name(name) == short
+    assert choose_file_names([made({}, name)]) == [short]
 
 
 def test_a_name_that_is_taken_gets_longer_before_it_gets_a_number() -> None:
     qualities = [made({}, f"0.2 mm Fine @{vendor}", "quality") for vendor in ("A", "B")]
 
-    assert file_names(qualities) == ["0_2_mm_fine", "0_2_mm_fine_b"]
-    assert file_names(qualities[:1], lambda _kind, name, _own: "a" not in name) == ["0_2_mm_fine_a"]
+    assert choose_file_names(qualities) == ["0_2_mm_fine", "0_2_mm_fine_b"]
+    assert choose_file_names(qualities[:1], lambda _kind, name, _own: "a" not in name) == ["0_2_mm_fine_a"]

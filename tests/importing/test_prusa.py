@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.importing import compare_macros, differences, triple
 from benchmarks.prusa_presets import BUNDLES, Oracle, saved
-from printer_slicer.importing import ImportedProfile, RejectedProfile, import_profiles, profile_text
+from printer_slicer.importing import ImportedProfile, RejectedProfile, format_profile, import_profiles
 from printer_slicer.macros import read_template
 from printer_slicer.profile import load_profile
 
@@ -59,7 +59,7 @@ def test_everything_that_imports_is_a_profile_of_ours(tmp_path: Path) -> None:
     for made in import_profiles(BUNDLES / "FLSun.ini"):
         assert isinstance(made, ImportedProfile)
         path = tmp_path / "one.toml"
-        path.write_text(profile_text(made), encoding="utf-8")
+        path.write_text(format_profile(made), encoding="utf-8")
         profile = load_profile(**{made.kind: str(path)}, slices=False)  # type: ignore[arg-type]
         assert getattr(profile, made.kind).name == made.name
         for name in ("start_gcode", "end_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode"):

@@ -6,13 +6,13 @@ import tomllib
 from pathlib import Path
 
 from printer_slicer.infill import PATTERNS
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_the_setting_has_the_names_of_the_table() -> None:
-    known = next(row[3] for row in settings_table() if row[0] == "quality.infill")
+    known = next(row[3] for row in list_setting_definitions() if row[0] == "quality.infill")
 
     assert sorted(PATTERNS) == sorted(known.split(" | ")), "profile/quality.py lists the names, too"
 

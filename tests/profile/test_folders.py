@@ -8,9 +8,14 @@ from pathlib import Path
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile import load_profile, profile_paths
-from printer_slicer.profile.folders import VARIABLE, profile_root, search_folders, user_folders
-from printer_slicer.profile.reading import kind_of, path_of
+from printer_slicer.profile import find_profile_paths, load_profile
+from printer_slicer.profile.folders import (
+    VARIABLE,
+    find_shipped_profiles,
+    find_user_folders,
+    list_search_folders,
+)
+from printer_slicer.profile.reading import find_profile_file, find_profile_kind
 
 
 def written(folder: Path, name: str, text: str) -> Path:
@@ -31,8 +36,8 @@ def test_a_persons_profile_is_found_by_its_name(own: Path) -> None:
     path = written(own, "printers/shed.toml", 'inherits = "marlin_220"\nname = "shed"\nbed_x = 200\n')
 
     assert load_profile("shed").printer.bed_x == 200
-    assert profile_paths("printer")["shed"] == path
-    assert "shed" not in profile_paths("material")
+    assert find_profile_paths("printer")["shed"] == path
+    assert "shed" not in find_profile_paths("material")
 
 
 def test_a_persons_profile_stands_before_the_shipped_one_of_its_name_and_can_inherit_from_it(
@@ -83,7 +88,12 @@ def test_a_circle_of_names_is_told_as_it_goes_round(own: Path) -> None:
 def test_several_folders_stand_in_the_variable_as_in_path(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, os.pathsep.join(["one", "two"]))
 
-    assert search_folders([Path("zero")]) == [Path("zero"), Path("one"), Path("two"), profile_root()]
+    assert list_search_folders([Path("zero")]) == [
+        Path("zero"),
+        Path("one"),
+        Path("two"),
+        find_shipped_profiles(),
+    ]
 
 
 def test_without_the_variable_it_is_the_platforms_folder(
@@ -91,33 +101,37 @@ def test_without_the_variable_it_is_the_platforms_folder(
 ) -> None:
     monkeypatch.delenv(VARIABLE)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    (folder,) = user_folders()
+    (folder,) = find_user_folders()
 
     assert folder.name == "printer_slicer"
     assert folder.is_absolute()
 
 
 def test_an_empty_variable_means_no_folder() -> None:
-    assert user_folders() == []
+    assert find_user_folders() == []
 
 
 # Which kind a name or a file is
 
 
 def test_the_kind_of_a_name_is_that_which_has_it() -> None:
-    assert [kind_of(name) for name in ("voron_0_2", "petg", "fine")] == ["printer", "material", "quality"]
+    assert [find_profile_kind(name) for name in ("voron_0_2", "petg", "fine")] == [
+        "printer",
+        "material",
+        "quality",
+    ]
 
 
 def test_a_name_of_several_kinds_must_say_which(own: Path) -> None:
     written(own, "materials/fine.toml", 'inherits = "pla"\n')
 
     with pytest.raises(ProfileError, match="a material and of a quality"):
-        kind_of("fine")
+        find_profile_kind("fine")
 
 
 def test_an_unknown_name_gets_the_near_one() -> None:
     with pytest.raises(ProfileError) as caught:
-        kind_of("vornon_0_2")
+        find_profile_kind("vornon_0_2")
 
     assert "voron_0_2" in caught.value.remedy
 
@@ -134,23 +148,23 @@ def test_an_unknown_name_gets_the_near_one() -> None:
 def test_the_kind_of_a_file_is_told_by_its_folder_its_parent_or_its_keys(
     tmp_path: Path, name: str, text: str, kind: str
 ) -> None:
-    assert kind_of(str(written(tmp_path, name, text))) == kind
+    assert find_profile_kind(str(written(tmp_path, name, text))) == kind
 
 
 def test_a_file_that_could_be_anything_must_say_what_it_is(tmp_path: Path) -> None:
     path = written(tmp_path, "x.toml", 'name = "x"\n')
 
     with pytest.raises(ProfileError, match="cannot tell whether this is a printer") as caught:
-        kind_of(str(path))
+        find_profile_kind(str(path))
 
     assert f"printer {path}" in caught.value.remedy
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="nowhere"):
-        kind_of(str(tmp_path / "nowhere.toml"))
+        find_profile_kind(str(tmp_path / "nowhere.toml"))
 
 
 def test_names_that_no_file_can_have_are_unknown() -> None:
     with pytest.raises(ProfileError, match="unknown printer"):
-        path_of("printer", "a\0b")
+        find_profile_file("printer", "a\0b")

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.profile import KINDS, profile_paths
+from printer_slicer.profile import KINDS, find_profile_paths
 from printer_slicer.profile.inspection import (
     DEFAULT,
-    differences,
+    compare_settings,
     find_faults,
+    find_setting_origins,
     read_headline,
-    settings_with_origins,
 )
-from printer_slicer.profile.keys import find_nearest_key, keys_of
+from printer_slicer.profile.keys import find_nearest_key, list_section_keys
 from printer_slicer.profile.reading import SettingsSource, read_chain
-from printer_slicer.profile.template import new_profile, toml_value
+from printer_slicer.profile.template import format_new_profile, format_toml_value
 from printer_slicer.toml_text import find_key_lines
 
 PARENTS = {"printer": "prusa_mk3s", "material": "petg", "quality": "fine"}
@@ -37,8 +37,8 @@ def written(folder: Path, text: str, name: str = "mine.toml") -> str:
 
 def test_every_value_tells_file_and_line_or_that_it_is_a_default(tmp_path: Path) -> None:
     path = written(tmp_path, 'inherits = "fine"\n\n[speeds]\n# slow\ntravel = 80\n')
-    told = settings_with_origins("quality", read_chain("quality", path))
-    fine = profile_paths("quality")["fine"]
+    told = find_setting_origins("quality", read_chain("quality", path))
+    fine = find_profile_paths("quality")["fine"]
 
     assert told["speeds.travel"] == (80, f"{path}:5")
     assert told["layer_height"].place.startswith(f"{fine}:")
@@ -46,13 +46,13 @@ def test_every_value_tells_file_and_line_or_that_it_is_a_default(tmp_path: Path)
         fine.read_text().splitlines()[int(told["layer_height"].place.rpartition(":")[2]) - 1]
         == "layer_height = 0.12"
     )
-    assert told["perimeters"].place.startswith(str(profile_paths("quality")["standard"]))
+    assert told["perimeters"].place.startswith(str(find_profile_paths("quality")["standard"]))
     assert told["ironing"] == (False, DEFAULT)
 
 
-@pytest.mark.parametrize("name", profile_paths("printer"))
+@pytest.mark.parametrize("name", find_profile_paths("printer"))
 def test_the_line_told_is_the_one_that_sets_the_key(name: str) -> None:
-    for key, (_, place) in settings_with_origins("printer", read_chain("printer", name)).items():
+    for key, (_, place) in find_setting_origins("printer", read_chain("printer", name)).items():
         if place != DEFAULT:
             file, _, line = place.rpartition(":")
             assert (
@@ -66,7 +66,7 @@ def test_the_line_told_is_the_one_that_sets_the_key(name: str) -> None:
 def test_profiles_differ_in_what_one_of_them_says() -> None:
     chains = (read_chain("quality", name) for name in ("standard", "fine"))
 
-    assert differences("quality", *chains) == {
+    assert compare_settings("quality", *chains) == {
         "name": ("standard", "fine"),
         "layer_height": (0.2, 0.12),
         "resolution": (0.0125, 0.008),
@@ -78,8 +78,8 @@ def test_profiles_differ_in_what_one_of_them_says() -> None:
 def test_what_only_one_of_two_planners_has_is_a_difference() -> None:
     chains = [read_chain("quality", name) for name in ("standard", "adaptive")]
 
-    assert differences("quality", *chains)["planner.error_price_ratio"] == (None, 45)
-    assert differences("quality", chains[0], chains[0]) == {}
+    assert compare_settings("quality", *chains)["planner.error_price_ratio"] == (None, 45)
+    assert compare_settings("quality", chains[0], chains[0]) == {}
 
 
 # Everything that is wrong
@@ -182,7 +182,7 @@ def test_ranges_that_contradict_each_other_are_told(tmp_path: Path) -> None:
     ],
 )
 def test_only_names_that_are_near_are_offered(key: str, near: str) -> None:
-    known = [f"{kind}.{one}" for kind in KINDS for one in keys_of(kind, {})]
+    known = [f"{kind}.{one}" for kind in KINDS for one in list_section_keys(kind, {})]
 
     assert find_nearest_key(key, [*known, *(one.partition(".")[2] for one in known)]) == near
 
@@ -247,8 +247,8 @@ def test_a_key_of_another_kind_is_told_where_it_belongs(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_wrong_with_what_is_shipped(kind: str) -> None:
-    assert {name: find_faults(kind, name) for name in profile_paths(kind)} == {
-        name: [] for name in profile_paths(kind)
+    assert {name: find_faults(kind, name) for name in find_profile_paths(kind)} == {
+        name: [] for name in find_profile_paths(kind)
     }
 
 
@@ -258,16 +258,16 @@ def test_nothing_is_wrong_with_what_is_shipped(kind: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_profile_changes_nothing_but_the_name(tmp_path: Path, kind: str) -> None:
     parent = read_chain(kind, PARENTS[kind])
-    path = written(tmp_path, new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x"))
+    path = written(tmp_path, format_new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x"))
 
-    assert set(differences(kind, parent, read_chain(kind, path))) == {"name"}
+    assert set(compare_settings(kind, parent, read_chain(kind, path))) == {"name"}
     assert find_faults(kind, path) == []
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path, kind: str) -> None:
     parent = read_chain(kind, PARENTS[kind])
-    text = new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x")
+    text = format_new_profile(kind, "mine", PARENTS[kind], parent, "#:schema x")
     listed = text.partition("shows the changes.\n")[2]
     bare = re.sub(r"(?m)^# (?!.*\.\.\.)", "", listed)
     # Meanings go, settings stay: these have a sign of equality behind their key, or go over several lines.
@@ -279,8 +279,8 @@ def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path
                 inside and line != '"""'
             )
     values = tomllib.loads("\n".join(settings))
-    told = settings_with_origins(kind, SettingsSource({**values, "name": "mine"}, {}, "new"))
-    was = settings_with_origins(kind, parent)
+    told = find_setting_origins(kind, SettingsSource({**values, "name": "mine"}, {}, "new"))
+    was = find_setting_origins(kind, parent)
 
     assert {key: one.value for key, one in told.items() if key != "name"} == {
         key: one.value for key, one in was.items() if key != "name"
@@ -298,7 +298,7 @@ def test_a_new_profile_lists_all_that_may_be_changed_as_it_is_now(tmp_path: Path
     )
 )
 def test_a_value_written_as_toml_is_read_back(value: object) -> None:
-    assert tomllib.loads(f"key = {toml_value(value)}")["key"] == value
+    assert tomllib.loads(f"key = {format_toml_value(value)}")["key"] == value
 
 
 # Lines and headlines

@@ -16,8 +16,8 @@ from printer_slicer.arrays import Float
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import ProfileError
 from printer_slicer.mesh_io import export_stl
-from printer_slicer.profile import OptimalPlanner, Profile, load_profile, profile_with, settings_text
-from printer_slicer.profile.lists import list_as_text, list_from_text
+from printer_slicer.profile import OptimalPlanner, Profile, list_settings, load_profile, profile_with
+from printer_slicer.profile.lists import format_list, parse_list
 from tests.cli.command_line import BOX, Outcome, is_message, typed
 from tests.parts import sphere
 from tests.waiting import comes_back
@@ -50,7 +50,7 @@ def ranges_of(profile: Profile) -> list[tuple[float, float, float, float]]:
     ],
 )
 def test_heights_are_numbers_between_commas(text: str, expected: list[float]) -> None:
-    assert list_from_text(HEIGHTS, text) == expected
+    assert parse_list(HEIGHTS, text) == expected
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_heights_are_numbers_between_commas(text: str, expected: list[float]) ->
     ],
 )
 def test_ranges_are_two_heights_and_rules_between_semicolons(text: str, expected: list[Any]) -> None:
-    assert list_from_text(RANGES, text) == expected
+    assert parse_list(RANGES, text) == expected
 
 
 @pytest.mark.parametrize(
@@ -95,11 +95,11 @@ def test_ranges_are_two_heights_and_rules_between_semicolons(text: str, expected
 )
 def test_text_that_is_no_list_is_refused_by_key_with_an_example(key: str, text: str) -> None:
     with pytest.raises(ProfileError) as caught:
-        list_from_text(key, text)
+        parse_list(key, text)
 
     assert key in str(caught.value)
     assert text in str(caught.value)
-    assert list_from_text(key, caught.value.remedy.partition(": ")[2])
+    assert parse_list(key, caught.value.remedy.partition(": ")[2])
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -214,7 +214,7 @@ def rules(folder: Path, child: str, **changes: object) -> str:
     (folder / "child.toml").write_text(f'inherits = "./parent.toml"\nname = "child"\n{child}')
     added = {key.replace("_plus", "+"): value for key, value in changes.items()}
     profile = load_profile("marlin_220", "pla", str(folder / "child.toml"), added)
-    return str(dict(settings_text(profile))["quality.overrides"])
+    return str(dict(list_settings(profile))["quality.overrides"])
 
 
 @pytest.mark.parametrize(
@@ -273,7 +273,7 @@ lengths = st.integers(0, 2_000_000).map(lambda steps: steps / 10_000)  # to 0.00
 
 @given(st.lists(st.integers(100, 16_000).map(lambda steps: steps / 10_000), max_size=5))
 def test_heights_are_written_as_they_are_read(heights: list[float]) -> None:
-    assert list_from_text(HEIGHTS, list_as_text(heights)) == heights
+    assert parse_list(HEIGHTS, format_list(heights)) == heights
 
 
 @given(
@@ -286,15 +286,15 @@ def test_heights_are_written_as_they_are_read(heights: list[float]) -> None:
     )
 )
 def test_ranges_are_written_as_they_are_read(tables: list[dict[str, float]]) -> None:
-    assert list_from_text(RANGES, list_as_text(tables)) == tables
+    assert parse_list(RANGES, format_list(tables)) == tables
 
 
 def test_a_range_without_rules_of_its_own_is_written_so_that_it_can_be_read() -> None:
     """Files may have one; layers end at its ends."""
     table = {"low": 1.0, "high": 3.0, "tolerance": 0.0, "layer_height": 0.0}
-    text = list_as_text([table])
+    text = format_list([table])
 
-    read = list_from_text(RANGES, text)[0]
+    read = parse_list(RANGES, text)[0]
     assert math.isclose(read["low"], 1)
     assert math.isclose(read["high"], 3)
 
@@ -303,7 +303,7 @@ def test_the_settings_of_a_profile_as_text_make_the_same_profile_again() -> None
     profile = loaded(
         layer_heights="0.1, 0.125, 0.2", planner__ranges="1:3:tolerance=0.05; 12.3457:100.255:tolerance=0.03"
     )
-    said = dict(settings_text(profile))
+    said = dict(list_settings(profile))
     again = profile_with(profile, {key: value for key, value in said.items() if "gcode" not in key})
 
     assert ranges_of(again) == ranges_of(profile)

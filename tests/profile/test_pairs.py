@@ -16,11 +16,11 @@ from parts import step_pyramid
 
 from printer_slicer import Job, dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile import KINDS, Profile, profile_paths
+from printer_slicer.profile import KINDS, Profile, find_profile_paths
 
 PART = step_pyramid([5], [0.9])
 QUICK = {"printer.thumbnails": ""}  # pictures are drawn alike on every machine
-PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
+PRINTERS, MATERIALS, QUALITIES = (list(find_profile_paths(kind)) for kind in KINDS)
 
 
 @cache

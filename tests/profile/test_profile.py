@@ -20,18 +20,18 @@ from printer_slicer.profile import (
     AreaPlanner,
     Profile,
     UniformPlanner,
+    find_profile_paths,
+    list_settings,
     load_profile,
-    profile_paths,
     profile_with,
-    settings_text,
 )
 from printer_slicer.profile.settings import PLANNER_SETTINGS
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile.tables import list_setting_definitions
 
 ROOT = Path(__file__).parents[2]
-PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
+PRINTERS, MATERIALS, QUALITIES = (list(find_profile_paths(kind)) for kind in KINDS)
 USUAL = load_profile("marlin_220", "pla", "standard")
-ROWS = {row[0]: row for row in settings_table()}
+ROWS = {row[0]: row for row in list_setting_definitions()}
 BOUNDED = [row for row in ROWS.values() if re.search(r"[<>]", row[3])]
 
 Write = Callable[[str, str], str]
@@ -186,7 +186,7 @@ def test_an_unknown_name_lists_the_known_ones(kind: str) -> None:
     asked[list(KINDS).index(kind)] = "no_such_thing"
     message = refused(*asked)
 
-    names = () if kind == "printer" else profile_paths(kind)  # there are too many printers for a message
+    names = () if kind == "printer" else find_profile_paths(kind)  # there are too many printers for a message
     assert all(name in message for name in ("no_such_thing", kind, *names))
 
 
@@ -406,10 +406,10 @@ def test_changed_profiles_either_hold_the_new_values_or_are_refused(changes: dic
     if isinstance(profile, ProfileError):
         assert any(key in str(profile) for key in ROWS)
         return
-    values = dict(settings_text(profile))
+    values = dict(list_settings(profile))
 
     assert {key: values[key] for key in changes} == changes
-    assert {key: value for key, value in settings_text(USUAL) if key not in changes} == {
+    assert {key: value for key, value in list_settings(USUAL) if key not in changes} == {
         key: value for key, value in values.items() if key not in changes
     }
 
@@ -419,10 +419,10 @@ def test_changing_nothing_changes_nothing() -> None:
 
 
 def test_a_changed_profile_leaves_the_old_one_alone() -> None:
-    before = dict(settings_text(USUAL))
+    before = dict(list_settings(USUAL))
 
     assert profile_with(USUAL, {"perimeters": 9}).quality.perimeters == 9
-    assert dict(settings_text(USUAL)) == before
+    assert dict(list_settings(USUAL)) == before
 
 
 def test_a_setting_of_another_planner_is_refused() -> None:
@@ -493,7 +493,7 @@ def test_every_setting_has_a_type_a_default_and_a_meaning(row: tuple[str, str, s
 def test_the_table_lists_every_setting_that_a_profile_has() -> None:
     listed = {with_planner(key)[0] for key in ROWS}
     for names in (("marlin_220", "pla", "standard"), ("marlin_220", "pla", "adaptive")):
-        assert {key for key, _ in settings_text(load_profile(*names))} - listed == set()
+        assert {key for key, _ in list_settings(load_profile(*names))} - listed == set()
 
 
 @pytest.mark.parametrize("key", ROWS)
@@ -502,7 +502,7 @@ def test_every_key_of_the_table_can_be_set(key: str) -> None:
     profile = profile_with(USUAL, {"quality.planner.kind": kind[1]} if kind else {})
     name = with_planner(key)[0]
 
-    assert profile_with(profile, {name: dict(settings_text(profile))[name]}) == profile
+    assert profile_with(profile, {name: dict(list_settings(profile))[name]}) == profile
 
 
 FITTING = [
@@ -515,13 +515,13 @@ FITTING = [
 @pytest.mark.parametrize("names", FITTING, ids="-".join)
 def test_all_settings_survive_being_written_as_text_and_read_back(names: tuple[str, str, str]) -> None:
     profile = load_profile(*names)
-    text = {key: str(value) for key, value in settings_text(profile)}
+    text = {key: str(value) for key, value in list_settings(profile)}
 
     assert load_profile(changes=text) == profile
 
 
 def test_settings_are_listed_once_and_in_the_order_of_printer_material_quality() -> None:
-    keys = [key for key, _ in settings_text(USUAL)]
+    keys = [key for key, _ in list_settings(USUAL)]
 
     assert len(set(keys)) == len(keys)
     assert [key.partition(".")[0] for key in keys] == sorted(

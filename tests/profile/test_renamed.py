@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from printer_slicer.profile import load_profile, profile_with, settings_of
-from printer_slicer.profile.files import profile_from
-from printer_slicer.profile.keys import keys_of
-from printer_slicer.profile.renamed import RENAMED, current_name, current_names
+from printer_slicer.profile import load_profile, profile_with, settings_as_dict
+from printer_slicer.profile.files import restore_profile
+from printer_slicer.profile.keys import list_section_keys
+from printer_slicer.profile.renamed import RENAMED, find_current_name, replace_former_names
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def names_the_new_name(*names: str) -> Iterator[None]:
 
 
 def test_every_present_name_is_a_setting_and_no_former_one_is() -> None:
-    known = {key for kind in ("printer", "quality") for key in keys_of(kind, {})}
+    known = {key for kind in ("printer", "quality") for key in list_section_keys(kind, {})}
 
     assert set(RENAMED.values()) <= known
     assert not set(RENAMED) & known
@@ -82,7 +82,7 @@ def test_overrides_as_they_are_typed() -> None:
 def test_settings_that_an_older_version_kept() -> None:
     """What a journal or G-code of an older version holds is read without a warning: nobody typed it."""
     profile = load_profile(changes={"quality.speeds.internal_infill": 41})
-    kept = settings_of(profile)
+    kept = settings_as_dict(profile)
     former = {new: old for old, new in RENAMED.items()}
     kept["quality"]["speeds"] = {
         former.get(f"speeds.{key}", f"speeds.{key}").removeprefix("speeds."): value
@@ -90,13 +90,15 @@ def test_settings_that_an_older_version_kept() -> None:
     }
 
     assert "sparse" in kept["quality"]["speeds"]
-    assert profile_from(kept) == profile
+    assert restore_profile(kept) == profile
 
 
 def test_a_present_name_wins_over_a_former_one() -> None:
-    assert current_names({"sparse_every": 1, "internal_infill_every": 2}) == {"internal_infill_every": 2}
-    assert current_name("quality.speeds.gap") == "quality.speeds.gap_fill"
-    assert current_name("speeds.travel") == "speeds.travel"
+    assert replace_former_names({"sparse_every": 1, "internal_infill_every": 2}) == {
+        "internal_infill_every": 2
+    }
+    assert find_current_name("quality.speeds.gap") == "quality.speeds.gap_fill"
+    assert find_current_name("speeds.travel") == "speeds.travel"
 
 
 @pytest.mark.parametrize(("typed", "value"), [("20%", 0.2), ("100%", 1.0), ("12.5%", 0.125), ("0.2", 0.2)])

@@ -11,33 +11,38 @@ import jsonschema
 import pytest
 
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile import KINDS, load_profile, profile_paths
-from printer_slicer.profile.document import overrides_markdown, settings_markdown
-from printer_slicer.profile.schema import directive, schema_name, schema_of, schema_text
-from printer_slicer.profile.tables import settings_table
+from printer_slicer.profile import KINDS, find_profile_paths, load_profile
+from printer_slicer.profile.document import format_overrides_markdown, format_settings_markdown
+from printer_slicer.profile.schema import (
+    format_schema,
+    format_schema_directive,
+    make_schema,
+    make_schema_name,
+)
+from printer_slicer.profile.tables import list_setting_definitions
 
 ROOT = Path(__file__).parents[2]
-FILES = [(kind, name) for kind in KINDS for name in profile_paths(kind)]
-VALIDATORS = {kind: jsonschema.Draft202012Validator(schema_of(kind)) for kind in KINDS}
+FILES = [(kind, name) for kind in KINDS for name in find_profile_paths(kind)]
+VALIDATORS = {kind: jsonschema.Draft202012Validator(make_schema(kind)) for kind in KINDS}
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_shipped_schema_is_the_one_of_the_code(kind: str) -> None:
-    shipped = (ROOT / "profiles" / "schema" / schema_name(kind)).read_text(encoding="utf-8")
+    shipped = (ROOT / "profiles" / "schema" / make_schema_name(kind)).read_text(encoding="utf-8")
 
-    assert shipped == schema_text(kind), "run `just settings`"
+    assert shipped == format_schema(kind), "run `just settings`"
 
 
 def test_the_document_of_settings_is_the_one_of_the_code() -> None:
-    assert (ROOT / "docs" / "reference" / "settings.md").read_text(encoding="utf-8") == settings_markdown(), (
-        "run `just settings`"
-    )
+    assert (ROOT / "docs" / "reference" / "settings.md").read_text(
+        encoding="utf-8"
+    ) == format_settings_markdown(), "run `just settings`"
 
 
 def test_the_document_tells_every_setting_with_its_meaning() -> None:
-    text = settings_markdown()
+    text = format_settings_markdown()
 
-    for row in settings_table():
+    for row in list_setting_definitions():
         assert f"| `{row.key.rpartition('.')[2]}` |" in text
         assert row.meaning.replace("|", "/") in text
 
@@ -45,29 +50,36 @@ def test_the_document_tells_every_setting_with_its_meaning() -> None:
 def test_the_table_of_settings_that_may_differ_is_the_one_of_the_code() -> None:
     text = (ROOT / "docs" / "profiles.md").read_text(encoding="utf-8")
 
-    assert text.partition("<!-- own settings -->\n")[2].partition("<!-- end -->")[0] == overrides_markdown()
+    assert (
+        text.partition("<!-- own settings -->\n")[2].partition("<!-- end -->")[0]
+        == format_overrides_markdown()
+    )
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_schema_is_one(kind: str) -> None:
-    jsonschema.Draft202012Validator.check_schema(schema_of(kind))
+    jsonschema.Draft202012Validator.check_schema(make_schema(kind))
 
 
 @pytest.mark.parametrize(("kind", "name"), FILES, ids=" ".join)
 def test_every_shipped_file_obeys_its_schema_and_names_it(kind: str, name: str) -> None:
-    path = profile_paths(kind)[name]
+    path = find_profile_paths(kind)[name]
     text = path.read_text(encoding="utf-8")
 
     VALIDATORS[kind].validate(tomllib.loads(text))
-    assert text.startswith(directive(kind) + "\n")
-    assert (path.parent / directive(kind).removeprefix("#:schema ")).resolve().is_file()
+    assert text.startswith(format_schema_directive(kind) + "\n")
+    assert (path.parent / format_schema_directive(kind).removeprefix("#:schema ")).resolve().is_file()
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_setting_of_a_schema_tells_what_it_means(kind: str) -> None:
-    schema = schema_of(kind)
+    schema = make_schema(kind)
     groups = [schema, *schema.get("$defs", {}).values()]
-    rows = [(row.key.rpartition(".")[2], row.unit) for row in settings_table() if row.key.startswith(kind)]
+    rows = [
+        (row.key.rpartition(".")[2], row.unit)
+        for row in list_setting_definitions()
+        if row.key.startswith(kind)
+    ]
 
     for group in groups:
         for key, told in group["properties"].items():
@@ -154,4 +166,4 @@ def test_a_file_that_does_not_inherit_must_say_what_has_no_default() -> None:
 
 def test_a_schema_is_plain_json_with_a_title() -> None:
     for kind in KINDS:
-        assert json.loads(schema_text(kind))["title"] == f"{kind} profile of printer_slicer"
+        assert json.loads(format_schema(kind))["title"] == f"{kind} profile of printer_slicer"

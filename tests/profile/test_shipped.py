@@ -13,13 +13,13 @@ from parts import box, step_pyramid
 
 from printer_slicer import dry_run, job_from, job_of, load_profile
 from printer_slicer.errors import ProfileError
-from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, profile_paths, settings_text
+from printer_slicer.profile import DEFAULT_NAMES, KINDS, Profile, find_profile_paths, list_settings
 from printer_slicer.profile.inspection import read_headline
-from printer_slicer.profile.reading import path_of
+from printer_slicer.profile.reading import find_profile_file
 
 PART = step_pyramid([8, 5], [1.24, 0.86])
 WITHOUT_STEPS = step_pyramid([8], [2.1])
-PRINTERS, MATERIALS, QUALITIES = (list(profile_paths(kind)) for kind in KINDS)
+PRINTERS, MATERIALS, QUALITIES = (list(find_profile_paths(kind)) for kind in KINDS)
 # Every pair of printer and quality, of printer and material, and of material and quality.
 ALL = sorted(
     {
@@ -29,7 +29,9 @@ ALL = sorted(
     }
 )
 OWN_MACROS = [
-    name for name, path in profile_paths("printer").items() if "_gcode" in path.read_text(encoding="utf-8")
+    name
+    for name, path in find_profile_paths("printer").items()
+    if "_gcode" in path.read_text(encoding="utf-8")
 ]
 GENERIC = ("corexy_klipper", "marlin_220", "marlin_220_06", "marlin_probe_220")
 HOT = "voron_2_4_350"  # prints every material
@@ -57,7 +59,7 @@ def test_what_people_look_for_is_there() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_file_begins_with_what_it_is_for(kind: str) -> None:
-    for path in profile_paths(kind).values():
+    for path in find_profile_paths(kind).values():
         directive, comment = path.read_text(encoding="utf-8").splitlines()[:2]
 
         assert directive == f"#:schema ../schema/{kind}.schema.json"
@@ -67,7 +69,7 @@ def test_every_file_begins_with_what_it_is_for(kind: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(PRINTERS) - set(GENERIC)))
 def test_a_machine_has_a_bed_a_height_limits_and_a_model_of_its_own(name: str) -> None:
-    own = tomllib.loads(profile_paths("printer")[name].read_text(encoding="utf-8"))
+    own = tomllib.loads(find_profile_paths("printer")[name].read_text(encoding="utf-8"))
     printer = load_profile(name, "pla", "draft").printer
 
     assert {"bed_x", "bed_y", "bed_z", "model", "max_nozzle_temperature", "max_bed_temperature"} <= set(own)
@@ -181,7 +183,7 @@ def test_shipped_profiles_load_or_are_refused_with_both_settings_named(
         return
     assert profile.thinnest <= profile.thickest <= profile.printer.nozzle_diameter
     assert {profile.printer.name, profile.material.name, profile.quality.name} <= {
-        value for key, value in settings_text(profile) if key.endswith(".name")
+        value for key, value in list_settings(profile) if key.endswith(".name")
     }
 
 
@@ -190,11 +192,11 @@ def test_every_shipped_profile_works_in_some_combination(kind: str) -> None:
     place = list(KINDS).index(kind)
     used = {names[place] for names in ALL if isinstance(attempt(*names), Profile)}
 
-    assert used == set(profile_paths(kind))
+    assert used == set(find_profile_paths(kind))
 
 
 def test_the_defaults_exist_and_fit_each_other() -> None:
-    assert all(DEFAULT_NAMES[kind] in profile_paths(kind) for kind in KINDS)
+    assert all(DEFAULT_NAMES[kind] in find_profile_paths(kind) for kind in KINDS)
     assert load_profile() == load_profile(
         DEFAULT_NAMES["printer"], DEFAULT_NAMES["material"], DEFAULT_NAMES["quality"]
     )
@@ -203,8 +205,8 @@ def test_the_defaults_exist_and_fit_each_other() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_shipped_profiles_have_names_of_their_own(kind: str) -> None:
     names = []
-    for name in profile_paths(kind):
-        path = profile_paths(kind)[name]
+    for name in find_profile_paths(kind):
+        path = find_profile_paths(kind)[name]
         names.append(re.search(r'(?m)^name = "(.+)"$', path.read_text(encoding="utf-8")))
 
     assert None not in names
@@ -228,4 +230,4 @@ MODELS = {
 
 @pytest.mark.parametrize(("model", "name"), MODELS.items())
 def test_models_that_share_a_profile_are_found(model: str, name: str) -> None:
-    assert path_of("printer", model).stem == name
+    assert find_profile_file("printer", model).stem == name

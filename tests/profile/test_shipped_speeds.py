@@ -7,10 +7,10 @@ import re
 import pytest
 
 from printer_slicer.profile import load_profile
-from printer_slicer.profile.folders import profile_paths
+from printer_slicer.profile.folders import find_profile_paths
 from printer_slicer.profile.reading import read_chain
 
-PRINTERS = profile_paths("printer")
+PRINTERS = find_profile_paths("printer")
 NAMED = (
     "external_perimeter",
     "perimeter",

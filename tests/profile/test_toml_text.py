@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import load_profile
-from printer_slicer.profile.folders import profile_paths
+from printer_slicer.profile.folders import find_profile_paths
 from printer_slicer.profile.reading import KINDS, read_chain
 from printer_slicer.toml_text import LARGEST, MOST_BYTES, MOST_PARTS, TomlError, find_key_lines, parse_toml
 
@@ -119,7 +119,7 @@ def test_too_many_ancestors_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_shipped_profiles_are_far_from_the_limits(kind: str) -> None:
-    for name, path in profile_paths(kind).items():
+    for name, path in find_profile_paths(kind).items():
         text = path.read_text(encoding="utf-8")
         assert parse_toml(text) == tomllib.loads(text)
         assert len(text) < MOST_BYTES / 10

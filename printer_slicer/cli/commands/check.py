@@ -20,7 +20,7 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import reject_non_gcode
 from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.diagnostics import as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
@@ -138,7 +138,7 @@ def _add_comparison_options(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def _given_comparison_options(arguments: argparse.Namespace) -> list[str]:
+def _list_given_comparison_options(arguments: argparse.Namespace) -> list[str]:
     """Return the options on the command line that only the comparison with a model uses."""
     names = ("picture", "limit", "shell", "skin", "filament")
     return [f"--{name}" for name in names if getattr(arguments, name)]
@@ -152,7 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
     from printer_slicer.profile import load_profile
 
-    reject_options_without_model(arguments, _given_comparison_options(arguments))
+    reject_options_without_model(arguments, _list_given_comparison_options(arguments))
     check_outputs(arguments)
     reject_non_gcode(arguments.gcode)
     file_check = _check_file(arguments)
@@ -170,7 +170,7 @@ def run(arguments: argparse.Namespace) -> int:
             report("drawing")
             _draw_worst_layers(check, limits, format_model_names(arguments.models), arguments.picture)
     if arguments.json:
-        facts = _comparison_facts(check, limits) | plate.facts() | file_check.facts
+        facts = _collect_comparison_facts(check, limits) | plate.collect_facts() | file_check.facts
         print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
     else:
         print_text(
@@ -198,7 +198,7 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
     Raises:
         UsageError: the file cannot be printed, or an option is invalid.
     """
-    from printer_slicer.cli.jobs import disallowed_error_sentences, finding_facts, format_notes
+    from printer_slicer.cli.jobs import format_disallowed_errors, format_notes, list_finding_facts
     from printer_slicer.firmware import FLAVOURS
     from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
@@ -206,10 +206,10 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
     from printer_slicer.link_model import SerialLink
     from printer_slicer.motion.rules import limits_of
 
-    profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
+    profile = load_selected_profile(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
-    wrong = disallowed_error_sentences(job)
-    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "lint": finding_facts(job)}
+    wrong = format_disallowed_errors(job)
+    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "lint": list_finding_facts(job)}
     lines = [
         f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
@@ -227,10 +227,10 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
         report = _add_line_numbers(
             job, find_underruns(job.commands, moves, limits_of(printer), link, job.marks)
         )
-        facts["link"] = _link_facts(report)
+        facts["link"] = _collect_link_facts(report)
         lines += _format_link(arguments, report)
         wrong += _find_link_errors(report)
-    return _FileCheck(facts | profile_facts(arguments), lines, wrong)
+    return _FileCheck(facts | collect_profile_facts(arguments), lines, wrong)
 
 
 def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:
@@ -245,7 +245,7 @@ def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:
     )
 
 
-def _link_facts(report: UnderrunReport) -> dict[str, Any]:
+def _collect_link_facts(report: UnderrunReport) -> dict[str, Any]:
     """Return the timing of the serial link for JSON."""
     return as_dict(report) | {"ok": report.ok, "advice": _suggest_link_rate(report)}
 
@@ -456,7 +456,7 @@ def _round_column(values: Float | Sequence[float]) -> list[float | None]:
     return [_round_for_json(value) for value in np.asarray(values, np.float64).tolist()]
 
 
-def _comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
+def _collect_comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """Return the result of the comparison with a model for JSON; layers are counted from 1."""
     from printer_slicer.inspection.deposition.marks import Purpose
 

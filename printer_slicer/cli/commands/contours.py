@@ -19,7 +19,7 @@ from printer_slicer.cli.arguments import (
     parse_number,
 )
 from printer_slicer.cli.output import print_text, reject_overwriting_input, show_stages, write_file
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.saving import check_writable, make_folder
 from printer_slicer.values import Struct, replace
@@ -91,7 +91,7 @@ class _Target(Struct, frozen=True):
 
 def run(arguments: argparse.Namespace) -> int:
     """Slice a model, write its contours, and print how much they deviate from the sections."""
-    from printer_slicer.cli.facts import repair_facts, repair_sentences
+    from printer_slicer.cli.facts import format_repair_sentences, list_repair_facts
     from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.slicing import cut, list_section_repairs
 
     target = _parse_target(arguments.output, binary=arguments.binary)
-    profile = profile_from(arguments)
+    profile = load_selected_profile(arguments)
     _check_containment_options(arguments, profile)
     with show_stages(arguments) as report:
         mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
@@ -120,11 +120,15 @@ def run(arguments: argparse.Namespace) -> int:
         sections = _smooth_and_resample(raw, arguments, profile, report)
         report("writing")
         sizes = _write_contours(sections, target, binary=arguments.binary)
-    facts = _contour_facts(sections, sizes, target, arguments, profile) | {"repairs": repair_facts(repairs)}
+    facts = _collect_contour_facts(sections, sizes, target, arguments, profile) | {
+        "repairs": list_repair_facts(repairs)
+    }
     if arguments.json:
-        print(json.dumps(facts | plate.facts() | profile_facts(arguments)))
+        print(json.dumps(facts | plate.collect_facts() | collect_profile_facts(arguments)))
     else:
-        print_text(arguments, "\n  ".join([*_format_facts(facts), *repair_sentences(facts["repairs"])]))
+        print_text(
+            arguments, "\n  ".join([*_format_facts(facts), *format_repair_sentences(facts["repairs"])])
+        )
     return 0
 
 
@@ -269,7 +273,7 @@ def _smooth_and_resample(
 # Results
 
 
-def _contour_facts(
+def _collect_contour_facts(
     sections: Sections, sizes: list[int], target: _Target, arguments: argparse.Namespace, profile: Profile
 ) -> dict[str, Any]:
     """Return the facts about the written contours for JSON; lengths in mm."""
@@ -299,7 +303,7 @@ def _contour_facts(
         "rounding": round(rounded.error, _DECIMALS),
         # JSON has no number for an infinite spacing.
         "spacing": arguments.resample if arguments.resample != inf else None,
-        "farthest_apart": round(rounded.find_longest_edge() * _file_unit(target), _DECIMALS),
+        "farthest_apart": round(rounded.find_longest_edge() * _get_coordinate_unit(target), _DECIMALS),
         "at_most_off": off | {"together": round(sum(off.values()), _DECIMALS)},
         "rings_left_out": rounded.lost,
         "notes": _find_notes(sections, rounded, target),
@@ -313,11 +317,11 @@ def _round_contours(sections: Sections, target: _Target) -> RoundedRings:
     return (
         round_to_float32(sections.solid)
         if target.kind == "slc"
-        else round_to_grid(sections.solid, _file_unit(target))
+        else round_to_grid(sections.solid, _get_coordinate_unit(target))
     )
 
 
-def _file_unit(target: _Target) -> float:
+def _get_coordinate_unit(target: _Target) -> float:
     """Return the unit of the coordinates in the file, mm."""
     from printer_slicer.exports import CLI_UNITS, SVG_DIGITS
 

@@ -53,7 +53,11 @@ def _check_all_ports(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(
             json.dumps(
-                {"ports": [{"port": name, "checks": _checks_as_facts(checks)} for name, checks in checked]}
+                {
+                    "ports": [
+                        {"port": name, "checks": _collect_check_facts(checks)} for name, checks in checked
+                    ]
+                }
             )
         )
     elif not checked:
@@ -77,7 +81,11 @@ def _check_port(arguments: argparse.Namespace) -> int:
     checks, found = _run_checks(arguments)
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:
-        facts: dict[str, Any] = {"port": arguments.port, "ok": not bad, "checks": _checks_as_facts(checks)}
+        facts: dict[str, Any] = {
+            "port": arguments.port,
+            "ok": not bad,
+            "checks": _collect_check_facts(checks),
+        }
         print(json.dumps(facts | {"printer": as_dict(found) if found else None}))
     else:
         print_text(arguments, "\n".join(_format_checks(checks)))
@@ -118,7 +126,7 @@ def _run_checks(arguments: argparse.Namespace) -> tuple[list[PortCheck], Printer
     return [*checks, *found.run_checks()], found
 
 
-def _checks_as_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
+def _collect_check_facts(checks: Iterable[PortCheck]) -> list[dict[str, Any]]:
     """Return the results of checks for JSON."""
     return [as_dict(check) for check in checks]
 

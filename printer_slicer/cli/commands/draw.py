@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     reject_options_without_model(arguments)
     reject_non_gcode(arguments.gcode)
-    arguments.output = arguments.output or _default_output(arguments.gcode)
+    arguments.output = arguments.output or _choose_default_output(arguments.gcode)
     _check_output(arguments)
     with show_stages(arguments) as report:
         report("reading")
@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
         report("drawing")
         picture = draw_gcode_layer(sheet, sanitize(arguments.gcode.name), view)
         write_file(arguments.output, encode_picture(picture, arguments.output))
-    facts = _layer_facts(arguments, sheet, match)
+    facts = _collect_layer_facts(arguments, sheet, match)
     if arguments.json:
         print(json.dumps(facts))
     elif str(arguments.output) != "-":
@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _default_output(gcode: Path) -> Path:
+def _choose_default_output(gcode: Path) -> Path:
     """Return the default name of the picture: the name of the G-code file with the suffix .svg.
 
     Raises:
@@ -200,14 +200,14 @@ def _collect_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
     A file that cannot be checked can still be drawn; it has no findings.
     """
     from printer_slicer.cli.models import load_repaired_plate
-    from printer_slicer.cli.settings import profile_from
+    from printer_slicer.cli.settings import load_selected_profile
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
     from printer_slicer.inspection.lint.scan import lint_file
 
     found: list[Diagnostic] = []
     with suppress(PrinterSlicerError):
-        profile = profile_from(arguments, slices=False, gcode=arguments.gcode, tell=False)
+        profile = load_selected_profile(arguments, slices=False, gcode=arguments.gcode, tell=False)
         found += lint_file(arguments.gcode, profile).findings
         if arguments.models:
             mesh, plate, _ = load_repaired_plate(arguments, profile.printer, lambda _: None)
@@ -273,7 +273,7 @@ def _check_box(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
         )
 
 
-def _layer_facts(
+def _collect_layer_facts(
     arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None
 ) -> dict[str, Any]:
     """Return the facts about the layer for JSON: lengths in mm, volumes in mm³, layers counted from 1."""
@@ -286,13 +286,13 @@ def _layer_facts(
         "layers": sheet.count,
         "z": round(sheet.top, _DECIMALS),
         "height": round(sheet.height, _DECIMALS),
-        "extrusions": list(_extrusion_facts(sheet)),
+        "extrusions": list(_list_extrusion_facts(sheet)),
         "travel": round(float(np.hypot(*(sheet.travel[:, 1] - sheet.travel[:, 0]).T).sum()), _DECIMALS),
         "fit": None if match is None else round(match.share, _DECIMALS),
     }
 
 
-def _extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
+def _list_extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
     """Yield role, comment, length, volume and width of the extrusions of each role and comment of the file."""
     import numpy as np
 

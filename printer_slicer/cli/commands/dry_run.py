@@ -17,7 +17,7 @@ from printer_slicer.cli.arguments import (
     parse_positive_integer,
 )
 from printer_slicer.cli.output import print_text, show_stages, write_file
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.simulator_options import add_simulator_options
 
 if TYPE_CHECKING:
@@ -55,22 +55,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer, and report errors, times and material."""
     from printer_slicer.cli.jobs import (
-        disallowed_error_sentences,
-        finding_facts,
-        job_from,
-        job_repair_facts,
-        job_repair_sentences,
-        profile_options,
+        choose_profile_arguments,
+        format_disallowed_errors,
+        format_job_repair_sentences,
+        list_finding_facts,
+        list_job_repair_facts,
+        make_job,
         require_no_errors,
     )
     from printer_slicer.cli.verdicts import (
+        collect_verdict_facts,
+        format_injected_faults,
         format_verdict,
-        injected_fault_facts,
-        injected_fault_lines,
+        list_injected_fault_facts,
         read_faults,
         require_printable,
         simulate_print,
-        verdict_facts,
     )
 
     faults = read_faults(arguments)
@@ -78,24 +78,25 @@ def run(arguments: argparse.Namespace) -> int:
         from printer_slicer.drawing.canvas import check_picture_path
 
         check_picture_path(arguments.picture)
-    profile = profile_from(arguments, **profile_options(arguments))
+    profile = load_selected_profile(arguments, **choose_profile_arguments(arguments))
     with show_stages(arguments) as report:
-        job, known = job_from(arguments, profile, report)
+        job, known = make_job(arguments, profile, report)
     job = job.allowing(arguments.allow)
     verdict = simulate_print(arguments, job, profile, events=False, baud=arguments.link, faults=faults)
     if arguments.picture:
         write_file(arguments.picture, _draw_verdict(verdict, job, profile, arguments.picture))
     if arguments.json:
-        findings = {"ok": verdict.ok and not disallowed_error_sentences(job), "findings": finding_facts(job)}
-        repairs = {"repairs": job_repair_facts(job)}
-        facts = verdict_facts(verdict, job, profile) | findings | repairs | known
-        facts |= injected_fault_facts(faults) | profile_facts(arguments)
+        is_ok = verdict.ok and not format_disallowed_errors(job)
+        findings = {"ok": is_ok, "findings": list_finding_facts(job)}
+        repairs = {"repairs": list_job_repair_facts(job)}
+        facts = collect_verdict_facts(verdict, job, profile) | findings | repairs | known
+        facts |= list_injected_fault_facts(faults) | collect_profile_facts(arguments)
         print(json.dumps(facts))
     else:
         lines = [
             format_verdict(arguments, verdict, job, profile),
-            *injected_fault_lines(faults),
-            *job_repair_sentences(job),
+            *format_injected_faults(faults),
+            *format_job_repair_sentences(job),
         ]
         print_text(arguments, "\n".join(lines))
     require_printable(verdict, job)

@@ -19,7 +19,7 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import Milestones, check_outputs, show_stages, write_file
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare layer plans of a part, and print the certificate of the chosen plan."""
     import numpy as np
 
-    from printer_slicer.cli.facts import certificate_facts, repair_facts
+    from printer_slicer.cli.facts import collect_certificate_facts, list_repair_facts
     from printer_slicer.cli.models import apply_projects, load_repaired_plate
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
@@ -91,11 +91,11 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.surface import certify, read_surface
 
     check_outputs(arguments)
-    profile = profile_from(arguments)
+    profile = load_selected_profile(arguments)
     with show_stages(arguments) as report:
         mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
         profile, plate = apply_projects(arguments, profile, mesh, plate)
-        table = _mesh_facts(mesh)
+        table = _collect_mesh_facts(mesh)
         part = place(mesh, profile.printer, plate.placement)
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])
         del mesh
@@ -112,16 +112,18 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.picture:
             report("drawing")
             _draw_plan(part, sections, certificate, profile, arguments)
-    facts = certificate_facts(certificate, part, profile, shift, _find_print_time(rows, _plan_name(profile)))
-    facts |= {"thin_features": _thin_feature_facts(part, chosen)}
-    repaired = repair_facts(repairs)
+    facts = collect_certificate_facts(
+        certificate, part, profile, shift, _find_print_time(rows, _format_plan_name(profile))
+    )
+    facts |= {"thin_features": _measure_thin_features(part, chosen)}
+    repaired = list_repair_facts(repairs)
     if arguments.json:
-        layers = _layer_facts(chosen, certificate)
-        plans = {"part": table, "plans": rows, "certificate": facts, "layers": layers}
-        print(json.dumps(plans | {"repairs": repaired} | plate.facts() | profile_facts(arguments)))
+        plans = {"part": table, "plans": rows, "certificate": facts}
+        plans |= {"layers": _list_layer_facts(chosen, certificate), "repairs": repaired}
+        print(json.dumps(plans | plate.collect_facts() | collect_profile_facts(arguments)))
     elif not arguments.quiet:
         print(_format_plans(arguments, table, rows))
-        print("\n".join(_format_certificate(_plan_name(profile), facts, repaired)))
+        print("\n".join(_format_certificate(_format_plan_name(profile), facts, repaired)))
     return 0
 
 
@@ -132,13 +134,13 @@ def _find_print_time(rows: list[dict[str, object]], name: str) -> float:
 
 def _format_certificate(plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]) -> list[str]:
     """Format the certificate of the chosen plan, and the repairs of the part."""
-    from printer_slicer.cli.facts import certificate_sentences, repair_sentences
+    from printer_slicer.cli.facts import format_certificate_sentences, format_repair_sentences
 
-    lines = [*certificate_sentences(facts), *repair_sentences(repairs)]
+    lines = [*format_certificate_sentences(facts), *format_repair_sentences(repairs)]
     return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines)]
 
 
-def _layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
+def _list_layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
     """Return bottom, top and cut of each layer, mm, and its bounds of deviation and volume error, for JSON."""
     import numpy as np
 
@@ -146,7 +148,7 @@ def _layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[fl
     return layers | {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
 
 
-def _thin_feature_facts(part: Mesh, plan: LayerPlan) -> dict[str, float]:
+def _measure_thin_features(part: Mesh, plan: LayerPlan) -> dict[str, float]:
     """Return the area of features thinner than the layers, mm² seen from above, and the z at which most of it lies."""
     from printer_slicer.slicing import cut
     from printer_slicer.surface import read_surface, thin_areas
@@ -181,7 +183,7 @@ def _draw_plan(
     open_files(arguments, [arguments.picture])
 
 
-def _mesh_facts(mesh: Mesh) -> dict[str, object]:
+def _collect_mesh_facts(mesh: Mesh) -> dict[str, object]:
     """Return the facts about the mesh in Table 1 of the paper."""
     import numpy as np
 
@@ -217,14 +219,14 @@ def _compare_plans(
     part: Mesh, profile: Profile, chosen: LayerPlan, show: _Progress, *, everything: bool
 ) -> list[dict[str, object]]:
     """Return a row for each plan: the uniform plans, those of all planners if `everything`, and the chosen plan."""
-    from printer_slicer.cli.facts import largest_flat_error
+    from printer_slicer.cli.facts import find_largest_flat_error
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.pipeline import plan_part, slice_part
     from printer_slicer.surface import certify, find_flats, read_surface
 
     rows: list[dict[str, object]] = []
     flats = find_flats(part)[0]
-    jobs = _profiles_to_compare(profile, everything=everything)
+    jobs = _make_profiles_to_compare(profile, everything=everything)
     for done, (name, variant) in enumerate(jobs.items()):
         show(done, len(jobs), name)
         plan = chosen if variant is profile else plan_part(part, variant)
@@ -244,13 +246,13 @@ def _compare_plans(
                 "max_error_mm": round(certificate.max_error, 6),
                 "volume_error_mm3": round(certificate.volume_error, 3),
                 "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(largest_flat_error(flats, plan), 6),
+                "flat_error_mm": round(find_largest_flat_error(flats, plan), 6),
             }
         )
     return rows
 
 
-def _profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Profile]:
+def _make_profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Profile]:
     """Return name in the table -> profile; all profiles have the same tolerance and layer heights."""
     from printer_slicer.profile import profile_with
 
@@ -264,18 +266,18 @@ def _profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Pro
         for height in sorted(heights)
     }
     if kind == "uniform":
-        jobs[_plan_name(profile)] = profile
+        jobs[_format_plan_name(profile)] = profile
     if everything:
         for name, changes in _VARIANTS.items():
             jobs[name] = profile_with(
                 profile, {f"quality.planner.{key}": value for key, value in changes.items()}
             )
     if kind != "uniform":
-        jobs[_plan_name(profile)] = profile
+        jobs[_format_plan_name(profile)] = profile
     return jobs
 
 
-def _plan_name(profile: Profile) -> str:
+def _format_plan_name(profile: Profile) -> str:
     """Return the name of the chosen plan in the table."""
     kind = profile.quality.planner.__struct_config__.tag
     if kind == "uniform":

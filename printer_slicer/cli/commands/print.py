@@ -19,7 +19,7 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.connection_options import add_connection_options
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, show_stages
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
@@ -68,36 +68,36 @@ def run(arguments: argparse.Namespace) -> int:
     """Print over a serial port, or on the simulated printer if the port is `sim:`."""
     from printer_slicer.cli.jobs import (
         check_policy,
-        job_from,
-        job_repair_facts,
-        job_repair_sentences,
-        profile_options,
+        choose_profile_arguments,
+        format_job_repair_sentences,
+        list_job_repair_facts,
+        make_job,
     )
 
-    profile = profile_from(arguments, **profile_options(arguments))
+    profile = load_selected_profile(arguments, **choose_profile_arguments(arguments))
     with show_stages(arguments) as report:
-        job, known = job_from(arguments, profile, report)
+        job, known = make_job(arguments, profile, report)
     if arguments.json and known["models"]:
         print(json.dumps({"event": "models", **known}), flush=True)
     if arguments.json:
-        print(json.dumps({"event": "profile", **profile_facts(arguments)}), flush=True)
+        print(json.dumps({"event": "profile", **collect_profile_facts(arguments)}), flush=True)
     plan = f"{job.plan.n_layers} layers, " if job.plan else ""
     first = f"{job.name}: {plan}{len(job.commands)} commands, {format_duration(job.seconds)} of motion"
-    print_text(arguments, "\n  ".join([first, *job_repair_sentences(job)]))
+    print_text(arguments, "\n  ".join([first, *format_job_repair_sentences(job)]))
     if arguments.json and job.repairs is not None and job.repairs.count:
-        print(json.dumps({"event": "repaired", "repairs": job_repair_facts(job)}), flush=True)
+        print(json.dumps({"event": "repaired", "repairs": list_job_repair_facts(job)}), flush=True)
     job = check_policy(arguments, job)
     if arguments.port == _SIMULATED_PORT:
         from printer_slicer.cli.verdicts import (
+            collect_verdict_facts,
             format_verdict,
             require_printable,
             simulate_print,
-            verdict_facts,
         )
 
         verdict = simulate_print(arguments, job, profile, events=True)
         if arguments.json:
-            facts = verdict_facts(verdict, job, profile) | {"repairs": job_repair_facts(job)}
+            facts = collect_verdict_facts(verdict, job, profile) | {"repairs": list_job_repair_facts(job)}
             print(json.dumps({"event": "verdict", **facts}))
         else:
             print_text(arguments, format_verdict(arguments, verdict, job, profile))

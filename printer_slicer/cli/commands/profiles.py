@@ -16,8 +16,8 @@ from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import hide_stdin_folder, print_text, write_file
 from printer_slicer.cli.parser import CommandParser, add_command
 from printer_slicer.cli.settings import (
-    changes_from,
     check_profile_folders,
+    collect_changes,
     find_folder_for_new_profiles,
     prepare_schema_folder,
     print_translations,
@@ -123,8 +123,8 @@ def _print_json(arguments: argparse.Namespace, value: object) -> None:
 
 def _list_profiles(arguments: argparse.Namespace) -> int:
     """List the profiles of all kinds, or of the kinds named on the command line."""
-    from printer_slicer.profile import DEFAULT_NAMES, KINDS, profile_paths
-    from printer_slicer.profile.folders import profile_root
+    from printer_slicer.profile import DEFAULT_NAMES, KINDS, find_profile_paths
+    from printer_slicer.profile.folders import find_shipped_profiles
     from printer_slicer.profile.inspection import read_headline
 
     wanted = [_PLURALS.get(name, name) for name in arguments.names] or list(KINDS)
@@ -133,13 +133,13 @@ def _list_profiles(arguments: argparse.Namespace) -> int:
             _raise_usage_error(
                 f"profiles list {name}: no such kind of profile", f"profiles list {'|'.join(KINDS)}"
             )
-    known = {kind: profile_paths(kind, arguments.profiles) for kind in wanted}
+    known = {kind: find_profile_paths(kind, arguments.profiles) for kind in wanted}
     if arguments.json:
         _print_json(
             arguments, {kind: {name: str(path) for name, path in known[kind].items()} for kind in known}
         )
         return 0
-    shipped = profile_root()
+    shipped = find_shipped_profiles()
     for kind, paths in known.items():
         print_text(arguments, f"--{kind}")
         for name, path in paths.items():
@@ -151,7 +151,7 @@ def _list_profiles(arguments: argparse.Namespace) -> int:
 
 def _parse_profile(arguments: argparse.Namespace, words: Sequence[str]) -> tuple[str, str]:
     """Return kind and name of a profile from `NAME`, `KIND NAME` or a path."""
-    from printer_slicer.profile.reading import kind_of
+    from printer_slicer.profile.reading import find_profile_kind
 
     if len(words) == 2 and words[0] in _KINDS:
         return words[0], words[1]
@@ -159,20 +159,20 @@ def _parse_profile(arguments: argparse.Namespace, words: Sequence[str]) -> tuple
         _raise_usage_error(
             f"profiles {arguments.what}: one profile must be named", f"profiles {arguments.what} NAME"
         )
-    return kind_of(words[0], arguments.profiles), words[0]
+    return find_profile_kind(words[0], arguments.profiles), words[0]
 
 
 def _show_settings(arguments: argparse.Namespace) -> int:
     """Show all settings of a profile with the origin of each value."""
-    from printer_slicer.profile.inspection import settings_with_origins
+    from printer_slicer.profile.inspection import find_setting_origins
     from printer_slicer.profile.reading import read_chain
 
     if arguments.names:
         kind, name = _parse_profile(arguments, arguments.names)
-        parts = {"": settings_with_origins(kind, read_chain(kind, name, arguments.profiles))}
+        parts = {"": find_setting_origins(kind, read_chain(kind, name, arguments.profiles))}
     else:
         sources = _read_named_profiles(arguments)
-        parts = {f"{kind}.": settings_with_origins(kind, source) for kind, source in sources.items()}
+        parts = {f"{kind}.": find_setting_origins(kind, source) for kind, source in sources.items()}
     settings = {f"{prefix}{key}": one for prefix, part in parts.items() for key, one in part.items()}
     if arguments.json:
         _print_json(
@@ -188,9 +188,9 @@ def _show_settings(arguments: argparse.Namespace) -> int:
 
 def _format_value(value: object) -> str:
     """Format the value of a setting on one line."""
-    from printer_slicer.profile.template import toml_value
+    from printer_slicer.profile.template import format_toml_value
 
-    return toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return format_toml_value(value) if not isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _read_named_profiles(arguments: argparse.Namespace) -> Mapping[str, SettingsSource]:
@@ -199,7 +199,7 @@ def _read_named_profiles(arguments: argparse.Namespace) -> Mapping[str, Settings
     from printer_slicer.profile.files import read_sources
 
     names = {kind: getattr(arguments, kind) for kind in _KINDS}
-    changes = changes_from(arguments)
+    changes = collect_changes(arguments)
     load_profile(names["printer"], names["material"], names["quality"], changes, folders=arguments.profiles)
     print_translations(arguments)
     return read_sources(names, changes, arguments.profiles)
@@ -207,7 +207,7 @@ def _read_named_profiles(arguments: argparse.Namespace) -> Mapping[str, Settings
 
 def _show_differences(arguments: argparse.Namespace) -> int:
     """Show the settings in which two profiles of one kind differ."""
-    from printer_slicer.profile.inspection import differences
+    from printer_slicer.profile.inspection import compare_settings
     from printer_slicer.profile.reading import read_chain
 
     words = list(arguments.names)
@@ -221,7 +221,7 @@ def _show_differences(arguments: argparse.Namespace) -> int:
             remedy="Compare two profiles of the same kind",
         )
     one, other = (read_chain(kinds[0], word, arguments.profiles) for word in words)
-    found = differences(kinds[0], one, other)
+    found = compare_settings(kinds[0], one, other)
     if arguments.json:
         _print_json(arguments, {key: dict(zip(words, pair, strict=True)) for key, pair in found.items()})
         return 0
@@ -241,9 +241,9 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
     """Write a new profile that inherits from another one."""
     from printer_slicer.profile import DEFAULT_NAMES
     from printer_slicer.profile.folders import FOLDERS
-    from printer_slicer.profile.reading import path_of, read_chain
-    from printer_slicer.profile.schema import directive
-    from printer_slicer.profile.template import new_profile
+    from printer_slicer.profile.reading import find_profile_file, read_chain
+    from printer_slicer.profile.schema import format_schema_directive
+    from printer_slicer.profile.template import format_new_profile
 
     if len(arguments.names) != 2 or arguments.names[0] not in _KINDS:
         _raise_usage_error(
@@ -263,10 +263,12 @@ def _write_new_profile(arguments: argparse.Namespace) -> int:
     if "/" in parent or parent.endswith(".toml"):
         parent = str(Path(parent).absolute())  # a relative path would refer to the folder of the new file
     else:
-        parent = path_of(kind, parent, arguments.profiles).stem  # the name in a file must be exact
+        parent = find_profile_file(kind, parent, arguments.profiles).stem  # the name in a file must be exact
     if root:
         make_folder(path.parent)
-    text = new_profile(kind, name, parent, source, directive(kind, prepare_schema_folder(root)))
+    text = format_new_profile(
+        kind, name, parent, source, format_schema_directive(kind, prepare_schema_folder(root))
+    )
     write_file(path, text.encode())
     if not to_stdout:
         print_text(
@@ -320,7 +322,7 @@ def _describe_conflicts(arguments: argparse.Namespace, checked: Mapping[str, str
     if len(names) < 2 and not arguments.set:
         return []
     try:
-        faults = find_conflicts(read_sources(names, changes_from(arguments), arguments.profiles))
+        faults = find_conflicts(read_sources(names, collect_changes(arguments), arguments.profiles))
         print_translations(arguments)
     except ProfileError as error:
         return [(error.args[0], error.remedy)]
@@ -344,18 +346,18 @@ def _print_faults(
 
 def _show_paths(arguments: argparse.Namespace) -> int:
     """Show the file of a profile, or the folders that are searched."""
-    from printer_slicer.profile.folders import profile_root, user_folders
-    from printer_slicer.profile.reading import path_of
+    from printer_slicer.profile.folders import find_shipped_profiles, find_user_folders
+    from printer_slicer.profile.reading import find_profile_file
 
     if arguments.names:
         kind, name = _parse_profile(arguments, arguments.names)
-        path = path_of(kind, name, arguments.profiles)
+        path = find_profile_file(kind, name, arguments.profiles)
         if arguments.json:
             _print_json(arguments, {"kind": kind, "path": str(path)})
         else:
             print_text(arguments, str(path))
         return 0
-    folders = {"named": arguments.profiles, "own": user_folders(), "shipped": [profile_root()]}
+    folders = {"named": arguments.profiles, "own": find_user_folders(), "shipped": [find_shipped_profiles()]}
     if arguments.json:
         _print_json(arguments, {what: [str(path) for path in paths] for what, paths in folders.items()})
         return 0
@@ -367,11 +369,11 @@ def _show_paths(arguments: argparse.Namespace) -> int:
 
 def _list_settings(arguments: argparse.Namespace) -> int:
     """List the settings whose key or meaning contains all typed words, those of that name first."""
-    from printer_slicer.profile.document import settings_markdown
+    from printer_slicer.profile.document import format_settings_markdown
     from printer_slicer.profile.tables import find_settings
 
     if arguments.markdown:
-        print_text(arguments, settings_markdown().rstrip("\n"), is_message=False)
+        print_text(arguments, format_settings_markdown().rstrip("\n"), is_message=False)
         return 0
     from printer_slicer.importing.familiar import find_equivalent
 
@@ -395,8 +397,8 @@ def _list_settings(arguments: argparse.Namespace) -> int:
 
 def _write_schema_files(arguments: argparse.Namespace) -> int:
     """Write the JSON schemas to a folder; without one, print the schema of a kind, or the folder of the schemas."""
-    from printer_slicer.profile.folders import SCHEMAS, profile_root
-    from printer_slicer.profile.schema import schema_of
+    from printer_slicer.profile.folders import SCHEMAS, find_shipped_profiles
+    from printer_slicer.profile.schema import make_schema
 
     if arguments.output is None:
         wanted = arguments.names or list(_KINDS)
@@ -405,10 +407,10 @@ def _write_schema_files(arguments: argparse.Namespace) -> int:
                 f"profiles schema {' '.join(wanted)}: no such kind of profile", "profiles schema quality"
             )
         if arguments.json or arguments.names:
-            schemas = {kind: schema_of(kind) for kind in wanted}
+            schemas = {kind: make_schema(kind) for kind in wanted}
             _print_json(arguments, schemas[wanted[0]] if len(wanted) == 1 else schemas)
         else:
-            print_text(arguments, str(profile_root() / SCHEMAS))
+            print_text(arguments, str(find_shipped_profiles() / SCHEMAS))
         return 0
     paths = write_schemas(arguments.output)
     print_text(arguments, "\n".join(f"{path}: written" for path in paths))

@@ -181,9 +181,9 @@ def _list_presets(arguments: argparse.Namespace, results: Sequence[Any]) -> None
 
 def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProfile]) -> list[Path]:
     """Choose the path of each new profile: the typed name, or a name that is not taken."""
-    from printer_slicer.importing import file_names
+    from printer_slicer.importing import choose_file_names
     from printer_slicer.name_search import split_name
-    from printer_slicer.profile.folders import FOLDERS, profile_root
+    from printer_slicer.profile.folders import FOLDERS, find_shipped_profiles
 
     root: Path = arguments.out or find_folder_for_new_profiles(
         (), "profiles import", "Name a folder with -o FOLDER"
@@ -192,11 +192,15 @@ def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProf
     def is_taken(kind: str, file_name: str, name: str) -> bool:
         """Return whether another preset's profile has this file name, or a shipped one has its words."""
         folder = Path(FOLDERS[kind])
-        shipped = [split_name(path.stem) for path in (profile_root() / folder).glob("*.toml")]
+        shipped = [split_name(path.stem) for path in (find_shipped_profiles() / folder).glob("*.toml")]
         mine = _read_display_name(root / folder / f"{file_name}.toml")
         return split_name(file_name) in shipped or mine not in ("", name)
 
-    names = _check_typed_name(arguments.name, imported) if arguments.name else file_names(imported, is_taken)
+    names = (
+        _check_typed_name(arguments.name, imported)
+        if arguments.name
+        else choose_file_names(imported, is_taken)
+    )
     return [root / FOLDERS[one.kind] / f"{name}.toml" for one, name in zip(imported, names, strict=True)]
 
 
@@ -206,9 +210,9 @@ def _check_typed_name(name: str, imported: Sequence[ImportedProfile]) -> list[st
     Raises:
         UsageError: the name is not valid, or there are several profiles of one kind.
     """
-    from printer_slicer.importing import short_name
+    from printer_slicer.importing import make_short_name
 
-    if name != (valid := short_name(name)):
+    if name != (valid := make_short_name(name)):
         hint = f"Use --name {valid}" if valid else "Use lower-case letters, digits and underscores"
         raise UsageError(f"--name {name}: this is not a valid name of a profile", remedy=hint)
     if len({one.kind for one in imported}) < len(imported):
@@ -236,13 +240,15 @@ def _write_profiles(
     Raises:
         OutputError: a file exists with other contents, or cannot be written.
     """
-    from printer_slicer.importing import profile_text
-    from printer_slicer.profile.schema import directive
+    from printer_slicer.importing import format_profile
+    from printer_slicer.profile.schema import format_schema_directive
 
     if not imported:
         return
     schemas = prepare_schema_folder(None if arguments.out else paths[0].parent.parent)
-    texts = [f"{directive(one.kind, schemas)}\n{profile_text(one)}".encode() for one in imported]
+    texts = [
+        f"{format_schema_directive(one.kind, schemas)}\n{format_profile(one)}".encode() for one in imported
+    ]
     existing = [path for path, text in zip(paths, texts, strict=True) if _has_other_contents(path, text)]
     if existing and not arguments.force:
         more = f" and {len(existing) - 1} more" if len(existing) > 1 else ""
@@ -359,9 +365,9 @@ def _shorten(text: str) -> str:
 
 def _format_largest_differences(imported: Sequence[ImportedProfile]) -> Iterator[str]:
     """Yield the differences from the source that change the print most."""
-    from printer_slicer.importing import largest_differences
+    from printer_slicer.importing import find_largest_differences
 
-    found = largest_differences(imported)
+    found = find_largest_differences(imported)
     shown = found[:_MOST_DIFFERENCES]
     if shown:
         yield "largest differences from the source:"
@@ -373,9 +379,9 @@ def _format_largest_differences(imported: Sequence[ImportedProfile]) -> Iterator
 
 def _format_warnings(imported: Sequence[ImportedProfile], *, verbose: bool) -> Iterator[str]:
     """Yield the warnings of the import; by default, only the first few that are not among the differences."""
-    from printer_slicer.importing import other_notes
+    from printer_slicer.importing import find_other_notes
 
-    notes = [note for one in imported for note in (one.notes if verbose else other_notes(one))]
+    notes = [note for one in imported for note in (one.notes if verbose else find_other_notes(one))]
     shown = notes if verbose else notes[:_MOST_WARNINGS]
     yield from (f"warning: {note.place}: {note.text}" for note in shown)
     if len(shown) < len(notes):
@@ -416,9 +422,9 @@ def _add_macro_notes(imported: Sequence[ImportedProfile]) -> list[ImportedProfil
     Args:
         imported: the profiles of a file; a material among them gives the values of temperatures.
     """
-    from printer_slicer.profile import load_profile, settings_of
+    from printer_slicer.profile import load_profile, settings_as_dict
 
-    usual = settings_of(load_profile())
+    usual = settings_as_dict(load_profile())
     kinds = [one.kind for one in imported]
     known = {one.kind: _remove_overrides(one.values) for one in imported if kinds.count(one.kind) == 1}
     return [replace(one, notes=(*one.notes, *_find_macro_notes(one, usual | known))) for one in imported]
@@ -432,16 +438,16 @@ def _remove_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
 def _find_macro_notes(one: ImportedProfile, others: Mapping[str, Mapping[str, Any]]) -> Iterator[ImportNote]:
     """Yield a note for each rejected command in the macros of a profile."""
     from printer_slicer.macros import add_names_of_other_slicers
-    from printer_slicer.profile import profile_from
-    from printer_slicer.profile.reading import flatten
+    from printer_slicer.profile import restore_profile
+    from printer_slicer.profile.reading import flatten_tables
 
     if one.kind != "printer" or not any(one.values.get(name) for name in _MACROS):
         return
     values = {**others, "printer": one.values}
-    profile = profile_from(values)
+    profile = restore_profile(values)
     names: dict[str, Value] = {}
     for kind, part in values.items():
-        for key, value in flatten(part):
+        for key, value in flatten_tables(part):
             if isinstance(value, (bool, int, float, str)):
                 names[f"{kind}.{key}"] = value
                 names.setdefault(key, value)

@@ -111,20 +111,22 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
             job,
             port=arguments.port,
             recover=confirm_recovery,
-            **_command_check_option(setup),
+            **_make_command_check_argument(setup),
             **common,
         )
 
     return print_with_progress(arguments, job, Path(f"{Path(found.name).stem}.checkpoint.json"), print_rest)
 
 
-def _command_check_option(setup: HostSettings) -> dict[str, Any]:
+def _make_command_check_argument(setup: HostSettings) -> dict[str, Any]:
     """Return the argument `allow` of `resume_print`: a check of typed commands, with the settings of the start."""
     from printer_slicer.cli.jobs import make_command_check
-    from printer_slicer.profile import profile_from
+    from printer_slicer.profile import restore_profile
 
     return (
-        {"allow": make_command_check(profile_from(setup.settings), setup.allowed)} if setup.settings else {}
+        {"allow": make_command_check(restore_profile(setup.settings), setup.allowed)}
+        if setup.settings
+        else {}
     )
 
 

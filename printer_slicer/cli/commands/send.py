@@ -15,7 +15,7 @@ from typing import Final
 from printer_slicer.cli.arguments import add_machine_options, add_output_options, parse_positive_integer
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import BAR_DELAY, print_text
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import UsageError
 from printer_slicer.values import replace
 
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     size = path.stat().st_size
     if arguments.json:
         facts = {"file": path.name, "to": kind, "url": url, "place": place, "bytes": size}
-        print(json.dumps(facts | {"printing": arguments.start} | profile_facts(arguments)))
+        print(json.dumps(facts | {"printing": arguments.start} | collect_profile_facts(arguments)))
     else:
         what = "sent and started" if arguments.start else "sent"
         print_text(arguments, f"{path.name}: {what}, {size} bytes, as {place} on {url}")
@@ -120,7 +120,7 @@ def _check_file(arguments: argparse.Namespace) -> None:
     from printer_slicer.cli.jobs import check_policy
     from printer_slicer.inspection.lint.scan import lint_file
 
-    profile = profile_from(arguments, slices=False, gcode=arguments.gcode)
+    profile = load_selected_profile(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile, streamed=False)
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.code == "unsupported"))

@@ -22,7 +22,7 @@ from printer_slicer.cli.arguments import (
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, reject_overwriting_input, write_file
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.simulator_options import add_simulator_options
 from printer_slicer.errors import UsageError
 from printer_slicer.progress import quiet
@@ -133,14 +133,14 @@ def _add_server_options(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve the simulated printer on a pseudo-terminal or over TCP until interrupted."""
-    from printer_slicer.cli.jobs import job_from, job_repair_facts, profile_options
+    from printer_slicer.cli.jobs import choose_profile_arguments, list_job_repair_facts, make_job
     from printer_slicer.cli.verdicts import (
+        collect_verdict_facts,
+        format_injected_faults,
         format_verdict,
-        injected_fault_facts,
-        injected_fault_lines,
+        list_injected_fault_facts,
         read_faults,
         require_printable,
-        verdict_facts,
     )
     from printer_slicer.inspection.dry_run.comparison import Comparison
     from printer_slicer.inspection.dry_run.judging import judge
@@ -148,8 +148,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     _check_options(arguments)
     faults = read_faults(arguments)
-    profile = profile_from(arguments, **profile_options(arguments), tell=False)
-    job, known = job_from(arguments, profile, quiet) if arguments.models else (None, {})
+    profile = load_selected_profile(arguments, **choose_profile_arguments(arguments), tell=False)
+    job, known = make_job(arguments, profile, quiet) if arguments.models else (None, {})
     comparison = Comparison(job.commands if job else ())
     if faults and job:
         faults.current_layer = make_layer_counter(job, comparison)
@@ -161,26 +161,32 @@ def run(arguments: argparse.Namespace) -> int:
         "job_commands": comparison.executed,
         "job_digest": comparison.digest,
         **known,
-        **injected_fault_facts(faults),
-        **profile_facts(arguments),
+        **list_injected_fault_facts(faults),
+        **collect_profile_facts(arguments),
     }
     verdict = judge(job, profile, report, comparison) if job else None
     if verdict and job:
-        result["verdict"] = verdict_facts(verdict, job, profile) | {"repairs": job_repair_facts(job)}
+        repairs = {"repairs": list_job_repair_facts(job)}
+        result["verdict"] = collect_verdict_facts(verdict, job, profile) | repairs
     if arguments.report:
         write_file(arguments.report, (json.dumps(result) + "\n").encode())
     if arguments.json:
         print(json.dumps(result))
     elif verdict and job:
         text = format_verdict(arguments, verdict, job, profile)
-        print_text(arguments, "\n".join([text, *injected_fault_lines(faults)]))
+        print_text(arguments, "\n".join([text, *format_injected_faults(faults)]))
     else:
-        motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
-        first = f"executed {comparison.executed} commands, extruded at {len(report.layers)} heights, {motion}"
-        print_text(arguments, "\n".join([first, *_format_violations(report), *injected_fault_lines(faults)]))
+        text = _format_summary(report, comparison.executed)
+        print_text(arguments, "\n".join([text, *_format_violations(report), *format_injected_faults(faults)]))
     if verdict and job:
         require_printable(verdict, job)
     return 0
+
+
+def _format_summary(report: Report, n_executed: int) -> str:
+    """Format the numbers of executed commands, extruded heights and violations, and the time of motion."""
+    motion = f"{format_duration(report.print_seconds)} of motion, {report.n_violations} violations"
+    return f"executed {n_executed} commands, extruded at {len(report.layers)} heights, {motion}"
 
 
 def _check_options(arguments: argparse.Namespace) -> None:

@@ -29,7 +29,7 @@ from printer_slicer.cli.output import (
     warn,
     write_file,
 )
-from printer_slicer.cli.settings import profile_facts, profile_from
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import PartError, UsageError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class _OutputAction(argparse.Action):
 
 def run(arguments: Namespace) -> int:
     """Slice models and write the G-code: one file for all, or one per model into a folder."""
-    profile = profile_from(arguments)
+    profile = load_selected_profile(arguments)
     check_outputs(arguments)
     if arguments.layer is not None and not arguments.picture:
         raise UsageError(
@@ -140,7 +140,7 @@ def run(arguments: Namespace) -> int:
 
 def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
     """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
-    from printer_slicer.cli.facts import slicing_facts
+    from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, load_plate
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_of
@@ -152,7 +152,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         report("loading")
         mesh, plate = load_plate(arguments, profile.printer, report)
         profile, plate = apply_projects(arguments, profile, mesh, plate)
-        output = output or _default_output(arguments.models[0])
+        output = output or _choose_default_output(arguments.models[0])
         for path in arguments.models:
             reject_overwriting_input(output, path)
         _reject_model_suffix(output)
@@ -181,22 +181,23 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    late = [*_unsupported_warnings(unsupported), *_unused_range_warnings(profile, stage.sections.plan)]
+    late = _list_unsupported_warnings(unsupported)
+    late += _list_unused_range_warnings(profile, stage.sections.plan)
     warn(arguments, late)
-    more = {"unsupported": _unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
-    facts = slicing_facts(stage, profile, seconds, certificate) | plate.facts() | more
+    more = {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+    facts = collect_slicing_facts(stage, profile, seconds, certificate) | plate.collect_facts() | more
     _print_result(arguments, output, facts)
     open_files(arguments, [output, arguments.picture])
 
 
 def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
     """Print the result of slicing, as JSON or as sentences."""
-    from printer_slicer.cli.facts import slicing_sentences
+    from printer_slicer.cli.facts import format_slicing_sentences
 
     if arguments.json:
-        print(json.dumps({"output": str(output), **facts, **profile_facts(arguments)}))
+        print(json.dumps({"output": str(output), **facts, **collect_profile_facts(arguments)}))
     elif str(output) != "-":
-        first, *more = slicing_sentences(facts)
+        first, *more = format_slicing_sentences(facts)
         print_text(arguments, "\n  ".join([f"{output}: {first}", *more]))
 
 
@@ -259,14 +260,14 @@ def _reject_model_suffix(output: Path) -> None:
         )
 
 
-def _unsupported_warnings(found: Sequence[UnsupportedExtrusion]) -> list[str]:
+def _list_unsupported_warnings(found: Sequence[UnsupportedExtrusion]) -> list[str]:
     """Return a warning if unsupported extrusion was found; otherwise an empty list."""
     from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
     return [f"{describe_unsupported(found)}; {_UNSUPPORTED_REMEDY}"] if found else []
 
 
-def _unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
+def _list_unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
     """Return the facts about unsupported extrusion for JSON: one entry per height, lengths in mm."""
     return [
         {
@@ -298,7 +299,7 @@ def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> Non
         )
 
 
-def _unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+def _list_unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
     """Yield a warning for each height range above the part, whose settings have no effect."""
     from printer_slicer.profile.object_profiles import list_height_overrides
 
@@ -309,7 +310,7 @@ def _unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
             yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
 
 
-def _default_output(model: Path) -> Path:
+def _choose_default_output(model: Path) -> Path:
     """Return the default output file, which is beside the model.
 
     Raises:

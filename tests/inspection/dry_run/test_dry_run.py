@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.cli.verdicts import verdict_facts
+from printer_slicer.cli.verdicts import collect_verdict_facts
 from printer_slicer.errors import VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.judging import Verdict
@@ -166,7 +166,10 @@ def test_the_verdict_can_be_written_as_json(tmp_path: Path) -> None:
     job = job_from(scaled(tmp_path, 8, 8, 1), PROFILE)
     verdict = dry_run(job, PROFILE)
 
-    assert json.loads(json.dumps(verdict_facts(verdict, job, PROFILE), allow_nan=False))["job"] == verdict.job
+    assert (
+        json.loads(json.dumps(collect_verdict_facts(verdict, job, PROFILE), allow_nan=False))["job"]
+        == verdict.job
+    )
 
 
 def test_the_host_tells_what_happens(tmp_path: Path) -> None:
