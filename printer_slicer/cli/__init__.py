@@ -92,7 +92,7 @@ def _run_command(parser: argparse.ArgumentParser, argv: Sequence[str] | None) ->
 
 
 def _report_output_error(error: OSError) -> int:
-    """Print an error message because stdout could not be written; return the exit code."""
+    """Print an error message that stdout could not be written; return the exit code."""
     # Redirect stdout to the null device, so that closing it at exit cannot fail again.
     with contextlib.suppress(OSError):  # stdout may have no file descriptor
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

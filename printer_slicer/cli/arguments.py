@@ -427,7 +427,7 @@ _PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
 
 @cache
 def _read_setting_meanings() -> Mapping[str, tuple[str, str]]:
-    """Return setting -> (meaning, choices); keys of the optimal planner's settings do not contain its name."""
+    """Map settings to meaning and choices; keys of the optimal planner's settings omit the planner's name."""
     from printer_slicer.profile.tables import list_setting_definitions
 
     rows = [row for row in list_setting_definitions() if "[" not in row.key or "[optimal]" in row.key]

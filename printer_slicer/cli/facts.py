@@ -73,7 +73,7 @@ def collect_slicing_facts(
 
 
 def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
-    """Return how much of the requested skirt and brim was left out, for JSON."""
+    """Return how much of the requested skirt and brim is missing, for JSON."""
     paths, program, quality = stages.toolpaths, stages.program, profile.quality
     loops = int(((paths.role == Role.SKIRT) & (paths.layer == 0)).sum())
     fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
@@ -162,7 +162,7 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
 
 
 def _format_link_sentences(link: dict[str, Any] | None) -> list[str]:
-    """Format how moves were changed so that the serial link can carry the G-code lines in time."""
+    """Format how moves were merged and slowed down so that the serial link is fast enough for their lines."""
     if not link or not link["layers"]:
         return []
     layers, rate = link["layers"], f"{link['lines_per_second']:g} lines/s"
@@ -199,7 +199,7 @@ def _format_raft(raft: dict[str, Any] | None) -> str:
 
 
 def _format_skirt_sentences(facts: dict[str, Any]) -> list[str]:
-    """Format which loops or length of the skirt or draft shield are missing."""
+    """Format which loops of the skirt or draft shield are missing, or how much of its length."""
     if facts["skirt_left_out"]:
         return [
             "The skirt is left out: the bed has no room for it; check that prime lines do not cross the part"
@@ -319,7 +319,7 @@ def collect_certificate_facts(
 
 
 def _list_budget_violations(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
-    """Return the time budget as a violated rule, if the moves take longer than it."""
+    """List a violation of the time budget, if the moves take longer than the budget allows."""
     budget = profile.dials.time_budget
     if not 0 < budget < seconds:
         return []

@@ -139,7 +139,7 @@ def _read_other_slicer_settings(path: Path) -> FileSettings | None:
 
 
 def _find_named_machine(path: Path, folders: Sequence[Path]) -> FileSettings:
-    """Return the printer profile of the machine that a file names; if there is no such profile, only the name."""
+    """Return the printer profile of the machine that a file names; if no profile has that name, only the name."""
     from printer_slicer.profile import load_profile, settings_as_dict
 
     try:

@@ -88,7 +88,7 @@ def make_job(
 
 
 def list_job_repair_facts(job: Job) -> list[dict[str, Any]]:
-    """Return the repairs of a job's part for JSON; the module for them is imported only if there are any."""
+    """Return the repairs of a job's part for JSON; import the module for repairs only if there are any."""
     if job.repairs is None or not job.repairs.count:
         return []
     from printer_slicer.cli.facts import list_repair_facts
@@ -161,7 +161,7 @@ def format_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
 
 
 def format_errors(arguments: argparse.Namespace, errors: Sequence[str]) -> list[str]:
-    """Format several errors as lines of the output; a single one is named by the message at the end."""
+    """Format errors as lines of the output; a single error gets no line, because the final message names it."""
     most = len(errors) if arguments.verbose else _MOST_ERRORS
     more = [f"error       ... and {len(errors) - most} more (-v shows all)"] if len(errors) > most else []
     return [*(f"error       {one}" for one in errors[:most]), *more] if len(errors) > 1 else []
@@ -180,12 +180,12 @@ def require_no_errors(job: Job) -> None:
 
 
 def make_console_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
-    """Return a function that checks commands typed one after the other, in the units and modes of earlier ones."""
+    """Return a function that checks commands typed in a row; each sets the units and modes for later ones."""
     allowed = check_allowed_codes(allowed)
     typed: deque[bytes] = deque(maxlen=_REMEMBERED)
 
     def explain_rejection(command: bytes) -> str:
-        """Return why a command is rejected; empty if it is accepted. Rejected commands do not affect later ones."""
+        """Return why a command is rejected, or an empty text; rejected commands do not affect later commands."""
         typed.append(command)
         last = (one for one in scan(tuple(typed), profile) if one.index == len(typed) - 1)
         wrong = _describe_first_error(last, allowed)

@@ -69,7 +69,7 @@ class Keyboard:
             self._send_command(line)
 
     def _find_command_of_key(self, key: str) -> str | None:
-        """Return the command that a key stands for; None if it stands for none."""
+        """Return the command of a key; None if the key has no command."""
         if key.isdecimal() and key.isascii():
             return f"answer {key}"
         for name, more, less in (("speed", "+", "-"), ("flow", ">", "<")):

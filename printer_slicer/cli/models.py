@@ -1,4 +1,4 @@
-"""Load the models of a command line as one plate, with warnings, and apply the settings of 3MF projects."""
+"""Load the models of a command line as one plate, and apply the settings of 3MF projects."""
 
 from __future__ import annotations
 

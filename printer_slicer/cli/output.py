@@ -136,7 +136,7 @@ class _DelayedBar:
         self._timer.start()
 
     def report(self, stage: str) -> None:
-        """Show a stage; a name with the same first word as the previous one belongs to the same stage."""
+        """Show a stage; if its name begins with the same word as the previous name, the stage continues."""
         with self._lock:
             is_same_stage = self._done >= 0 and stage.split(maxsplit=1)[0] == self._stage.split()[0]
             self._stage, self._done = stage, self._done + (not is_same_stage)

@@ -47,7 +47,7 @@ _MOST_CHANGES: Final = 4  # changes of a profile that the first line names
 def load_selected_profile(
     arguments: argparse.Namespace, *, slices: bool = True, gcode: Path | None = None, tell: bool = True
 ) -> Profile:
-    """Load the profile that the command line selects and changes, and print the names and sources of its parts.
+    """Load the profile that the command line selects; print the names and origins of printer, material and quality.
 
     Args:
         arguments: the command line; `collect_profile_facts` returns the sources of the profile afterwards.
@@ -88,7 +88,7 @@ def load_selected_profile(
 
 
 def _name_options(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
-    """Name the option that was typed if the message begins with a setting that it changed; return the error."""
+    """Name the typed option in an error that begins with a setting which the option changed; return the error."""
     message = str(error.args[0])
     place, _, problem = message.partition(": ")
     full, _, shown = place.partition("=")
@@ -300,7 +300,7 @@ def _translate_overrides(arguments: argparse.Namespace) -> None:
 def _translate_settings(
     arguments: argparse.Namespace, given: Sequence[tuple[str, str]], begin: str = "--set "
 ) -> Sequence[FamiliarSetting | None]:
-    """Convert settings of other slicers, in the profile of the command line; None for settings of this program.
+    """Convert settings of other slicers, using the selected profile; return None for settings of this program.
 
     Args:
         arguments: the command line.
@@ -328,7 +328,7 @@ def _translate_settings(
 
 
 def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> Profile:
-    """Load the profile in which settings of other slicers are converted.
+    """Load the profile whose values are used to convert settings of other slicers.
 
     Args:
         arguments: the command line.
@@ -347,7 +347,7 @@ def _load_context(arguments: argparse.Namespace, own: Mapping[str, object]) -> P
 
 
 def _get_translations(arguments: argparse.Namespace) -> list[tuple[str, FamiliarSetting, list[str]]]:
-    """Return the settings of other slicers on a command line: as typed, what they mean, the changes they became."""
+    """Return each setting of another slicer on the command line: typed text, meaning, and the changes that it makes."""
     if not hasattr(arguments, "translations"):
         arguments.translations = []
     found: list[tuple[str, FamiliarSetting, list[str]]] = arguments.translations
@@ -355,7 +355,7 @@ def _get_translations(arguments: argparse.Namespace) -> list[tuple[str, Familiar
 
 
 def print_translations(arguments: argparse.Namespace) -> None:
-    """Print what the settings of other slicers became, once they are known to be valid."""
+    """Print which settings of this program were set by settings of other slicers, once all values are checked."""
     for _, setting, changes in [] if arguments.quiet else _get_translations(arguments):
         if changes or setting.notes:
             print(sanitize(_describe_translation(setting, changes)), file=sys.stderr)
@@ -424,7 +424,7 @@ def _parse_heights(heights: str) -> dict[str, str]:
 
 
 def _check_range(rule: str) -> None:
-    """Check that a value of --range starts with two heights, since other text would be read as an object's name.
+    """Check that a value of --range starts with two heights; other text would be taken for an object's name.
 
     Raises:
         UsageError: the value starts with something else.
@@ -472,7 +472,7 @@ def _apply_layer_height(changes: dict[str, object]) -> None:
 
 
 def _find_conflicting_options(changes: Mapping[str, object]) -> Iterator[str]:
-    """Yield the options that contradict a fixed layer height, because they are for planners that choose heights."""
+    """Yield the options that only planners with variable layer heights use, which contradict a given layer height."""
     from printer_slicer.profile.planners import PLANNER_SETTINGS
     from printer_slicer.profile.quality import Quality
 
@@ -523,7 +523,7 @@ def _reject_layer_height(
 def _find_profile_sources(
     names: Mapping[str, str | None], own: FileSettings, folders: Sequence[Path]
 ) -> dict[str, dict[str, Any]]:
-    """Return for each kind the `name` of its profile, its origin (`from`), and an unknown machine (`named_in_file`).
+    """Return the `name` and origin (`from`) of each kind of profile, and an unknown machine (`named_in_file`).
 
     Args:
         names: kind -> name on the command line; None if the command line names no profile.

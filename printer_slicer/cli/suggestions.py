@@ -199,13 +199,13 @@ def suggest_option(flag: str, known: Collection[str], arguments: Iterable[str] =
 
 
 def _filter_by_first_letter(flag: str, known: Iterable[str]) -> list[str]:
-    """Return the options with the same first letter, since typing errors are rare in it: --arrange is not --range."""
+    """Return the options with the same first letter, which is rarely mistyped: --arrange does not mean --range."""
     first = flag.lstrip("-")[:1]
     return [one for one in known if one.lstrip("-")[:1] == first]
 
 
 def _has_suggested_option(meant: str, known: Collection[str]) -> bool:
-    """Return whether a command has an option, and if it is --set, whether it uses the setting."""
+    """Return whether a command has the suggested option; for --set, also whether it uses the suggested setting."""
     option, _, rest = meant.partition(" ")
     if option.rstrip(",") not in known:
         return False

@@ -1,4 +1,4 @@
-"""Reject options that have no effect: of models and slicing for G-code, or of --model without it."""
+"""Reject options without effect: options for models if G-code is printed, or options of --model without --model."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _find_slicing_options(arguments: argparse.Namespace) -> list[str]:
 
 
 def reject_options_without_model(arguments: argparse.Namespace, others: Sequence[str] = ()) -> None:
-    """Reject options for the models of --model if there are none.
+    """Reject options for the models of --model if --model is not given.
 
     Args:
         arguments: the command line.

@@ -1,4 +1,4 @@
-"""Do the dry run of a command, and format its result as text and JSON."""
+"""Run a dry run for a command, and format the result as text and JSON."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def simulate_print(
 
 
 def select_firmware(arguments: argparse.Namespace, printer: Printer) -> SimulatedFirmware:
-    """Return the firmware of --firmware; without the option, one for the G-code flavour of the printer."""
+    """Return the firmware of --firmware; without this option, a firmware for the printer's G-code flavour."""
     from printer_slicer.inspection.dry_run.machines import simulated_firmware_for
     from printer_slicer.sim.firmwares import SIMULATED_FIRMWARES
 
@@ -124,7 +124,7 @@ def list_injected_fault_facts(faults: Faults | None) -> dict[str, Any]:
 
 
 def require_printable(verdict: Verdict, job: Job) -> None:
-    """Raise an error if the dry run found problems; their number includes the other lint errors of the job.
+    """Raise an error if the dry run found problems; the number in the message includes all lint errors of the job.
 
     Raises:
         VerificationError: the print has problems.
@@ -148,12 +148,12 @@ def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, pr
 
 
 def _list_errors(verdict: Verdict, job: Job) -> list[str]:
-    """Return all errors of a dry run as text: its problems, and the lint errors that are not among them."""
+    """Return all errors of a dry run as text: its problems, then the lint errors that it did not report."""
     return [*verdict.problems, *_find_other_lint_errors(verdict, job)]
 
 
 def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[str]:
-    """Return a sentence for each lint error that is not also a fault of the dry run."""
+    """Return a sentence for each lint error that the dry run did not report as a fault."""
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
     said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}

@@ -19,7 +19,7 @@ _SWITCHES: Final = ("silent_mode", "variable_layer_height", "gcode_comments", "g
 
 
 def evaluate_condition(condition: str, known: Mapping[str, str]) -> bool | None:
-    """Return whether settings meet a condition; None if it cannot be evaluated.
+    """Return whether settings meet a condition; None if the condition cannot be evaluated.
 
     Args:
         condition: as in `compatible_printers_condition`.
@@ -31,7 +31,7 @@ def evaluate_condition(condition: str, known: Mapping[str, str]) -> bool | None:
 
 
 def evaluate_setting(name: str, known: Mapping[str, str]) -> Value:
-    """Return the value of a setting; if it is a list, its first item.
+    """Return the value of a setting; of a list, return the first item.
 
     Raises:
         MacroFault: the setting is missing.

@@ -1,4 +1,4 @@
-"""Convert the settings of one preset, and record how."""
+"""Convert the settings of one preset, and record how each of them was converted."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Conversion(Struct):
         *,
         differs: bool = False,
     ) -> None:
-        """Set one of our settings.
+        """Set one of our settings to a value, and record the settings of the source that it comes from.
 
         Args:
             ours: its name; a dot separates table and key.
@@ -121,7 +121,7 @@ class Conversion(Struct):
         return clamped
 
     def switch_off(self, ours: str, value: Any, *theirs: str) -> None:
-        """Set one of our settings to the value for off if a setting of the source was typed.
+        """Set one of our settings to `value`, which means off, if the setting of the source was typed by a user.
 
         In files this is not necessary, because the value is the default.
         """
@@ -130,21 +130,21 @@ class Conversion(Struct):
             self.put(ours, value, theirs)
 
     def resolve(self, theirs: str, whole: float) -> float:
-        """Return a number of the source; a percentage is taken of `whole`."""
+        """Return a setting of the source as a number; a percentage refers to `whole`."""
         return self.preset.read_quantity(theirs).resolve(whole)
 
     def read_quantity(self, theirs: str) -> Quantity:
-        """Return a number or percentage of the source."""
+        """Return a setting of the source as a number or percentage."""
         return self.preset.read_quantity(theirs)
 
     def read_printer_number(self, theirs: str) -> float:
-        """Return a number of the preset's printer, or the default of the other slicer."""
+        """Return a number from the settings of the preset's printer, or the other slicer's default."""
         entry, in_context = self.preset.entries.get(theirs), self.preset.context.get(theirs, "")
         found = parse_quantity(in_context.split(",")[0]) if entry is None and in_context else None
         return found.value if found else self.preset.read_number(theirs)
 
     def make_error(self, theirs: str, problem: str, remedy: str) -> ProfileError:
-        """Return an error about a setting of the source; the caller raises it."""
+        """Make an error about a setting of the source; the caller raises it."""
         return ProfileError(f"{self.preset.format_place(theirs)}: {problem}", remedy=remedy)
 
     def warn(self, theirs: str, text: str) -> None:

@@ -52,15 +52,15 @@ class CuraDefinition(Struct):
 
     @property
     def requested_keys(self) -> set[str]:
-        """The keys of the settings that were requested, directly or by expressions of other settings."""
+        """Keys of all settings whose values were requested, directly or by expressions of other settings."""
         return set(self._values)
 
     def find_place(self, key: str) -> str:
-        """Return the place where a setting is set: a change, or the definition."""
+        """Return where a setting is set: the place of its change, or the file of the machine."""
         return self.changed_at.get(key, self.place)
 
     def get_value(self, key: str) -> Any:
-        """Return the value of a setting, or its default if its expression cannot be evaluated.
+        """Return the value of a setting; if its expression cannot be evaluated, return the default.
 
         Raises:
             CuraExpressionError: the setting does not exist, or depends on itself.

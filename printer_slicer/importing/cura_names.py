@@ -232,7 +232,7 @@ def _convert_material(get: _GetValue, put: _PutSetting) -> None:
 
 
 def _convert_overlap(get: _GetValue, put: _PutSetting) -> None:
-    """Convert the overlap of infill with walls, a percentage of the mean of their line widths, to mm."""
+    """Convert the overlap of infill with walls from a percentage of their mean line width to mm."""
     wall = get("wall_line_width_x" if int(get("wall_line_count")) > 1 else "wall_line_width_0")
     for name, cura, line in (
         ("infill_overlap", "infill_overlap", "infill_line_width"),

@@ -1,4 +1,4 @@
-"""Translate single settings of Cura to PrusaSlicer's, as in an import; the other settings come from a profile."""
+"""Translate typed settings of Cura to settings of PrusaSlicer; a profile supplies the settings they depend on."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def _translate(
 
 
 def _derive_children(known: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers of walls and of solid layers that follow from thicknesses."""
+    """Compute settings that follow from typed ones, such as the number of walls from their thickness."""
     found: dict[str, Any] = {}
     if "wall_thickness" in given:
         rest = float(given["wall_thickness"]) - float(known["wall_line_width_0"])
@@ -197,7 +197,7 @@ def _derive_children(known: Mapping[str, Any], given: Mapping[str, Any]) -> dict
 
 
 def _parse_value(name: str, text: str, usual: Mapping[str, Any]) -> Any:
-    """Convert the text of a setting to its type: that of its value in the profile, or a number.
+    """Convert the text of a setting to the type of its value in `usual`; without one, to a number.
 
     Raises:
         ProfileError: it has another type, or is not a word of this setting.
@@ -308,7 +308,7 @@ def _describe_walls(profile: Profile) -> dict[str, Any]:
 
 
 def _describe_adhesion(profile: Profile) -> dict[str, Any]:
-    """Return skirt, brim and raft; those that the profile does not have with Cura's defaults."""
+    """Return the settings of skirt, brim and raft; some that are off in the profile get Cura's defaults."""
     quality = profile.quality
     sizes = {"raft": quality.raft_height, "brim": quality.brim_width, "skirt": quality.skirt_loops}
     return {

@@ -210,5 +210,5 @@ class _Evaluation:
 
 
 def _raise_error(problem: str) -> Any:
-    """Raise an error; a function, because expressions cannot contain `raise`."""
+    """Raise a CuraExpressionError; for use inside expressions, which cannot contain `raise`."""
     raise CuraExpressionError(problem)

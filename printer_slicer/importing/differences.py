@@ -97,7 +97,7 @@ def _list_converted(profile: ImportedProfile) -> Iterator[Difference]:
 
 
 def _describe_change(profile: ImportedProfile, setting: ConvertedSetting, name: str) -> str:
-    """Return a converted setting as text, with the values in the source and here."""
+    """Format a converted setting with its name and value in the source and in the new profile."""
     unit = _map_units().get(f"{profile.kind}.{name}", "")
     ours = f"{setting.ours} = {_append_unit(_format_value(setting.value), unit)}"
     theirs = (

@@ -186,7 +186,7 @@ def profile_with(profile: Profile, changes: Mapping[str, object]) -> Profile:
 def translate_changes(
     changes: Mapping[str, object] | None, load: Callable[[Mapping[str, object] | None], Profile]
 ) -> tuple[Mapping[str, object] | None, tuple[str, ...]]:
-    """Convert those of some changes that belong to other slicers; also note what these became.
+    """Convert the settings of other slicers among changes; return all changes, and notes about the converted ones.
 
     Args:
         changes: names and values; a value that is no mapping is returned unchanged.
@@ -248,7 +248,7 @@ def find_equivalent(word: str) -> str:
 
 
 def _has_effect(name: str, text: str, slicer: str) -> bool:
-    """Return whether a setting with PrusaSlicer's name changes one of ours, or would with a valid value."""
+    """Return whether a setting of PrusaSlicer changes one of ours; an invalid value counts as a change."""
     entries = {key: SourceSetting(key, value, key) for key, value in {**_PROBES, name: text}.items()}
     try:
         return any(True for _ in _convert_entries(entries, frozenset({name}), slicer, (0.2, 0.2)))
@@ -257,7 +257,7 @@ def _has_effect(name: str, text: str, slicer: str) -> bool:
 
 
 def _suggest_setting(name: str, text: str, profile: Profile) -> str:
-    """Return the setting, with its value, that a word probably means, such as `perimeters=3`; empty if unknown.
+    """Suggest the setting and value that a word probably means, such as `perimeters=3`; empty if unknown.
 
     If the setting does not take the value, it is replaced by a word such as MM.
     """
@@ -282,7 +282,7 @@ def translate_settings(
     load: Callable[[Mapping[str, str]], Profile],
     write: Callable[[str, str], str],
 ) -> list[FamiliarSetting | None]:
-    """Convert those of some settings that belong to other slicers; None for settings of this program.
+    """Convert the settings of other slicers among the given ones; the result has None for each of our own settings.
 
     Args:
         given: names and values, as the user wrote them.
@@ -308,7 +308,7 @@ def translate_settings(
 def _convert_foreign(
     foreign: Mapping[str, str], own: Collection[str], profile: Profile, write: Callable[[str, str], str]
 ) -> dict[str, FamiliarSetting]:
-    """Convert settings that do not belong to this program; those that no slicer has are left out."""
+    """Convert settings of other slicers; leave out names that no slicer has."""
     wanted = {name: text for name, text in foreign.items() if not _is_support_switched_off(name, text)}
     slicers = _choose_slicers(wanted, own)
     for name, text in wanted.items():
@@ -439,7 +439,7 @@ def _collect_changes(
     made: Mapping[str, ConvertedSetting],
     makers: Mapping[str, Sequence[str]],
 ) -> FamiliarSetting | None:
-    """Return the changes of which a setting is the last maker; None if it has no part in any change.
+    """Return the changes for which a setting is the last one they depend on; None if no change depends on it.
 
     Args:
         name: name of the setting, as it was typed.
@@ -462,7 +462,7 @@ def _collect_changes(
 
 
 def _copy_equal_setting(name: str, text: str, slicer: str, profile: Profile) -> FamiliarSetting:
-    """Return the change that a setting makes whose value is the same here, but which imports do not convert.
+    """Copy the value of a setting that exists here too, but that imports do not convert.
 
     Raises:
         ProfileError: the setting has no equivalent here, or no effect.
@@ -487,7 +487,7 @@ def _copy_equal_setting(name: str, text: str, slicer: str, profile: Profile) -> 
 def _convert_entries(
     entries: Mapping[str, SourceSetting], typed: frozenset[str], slicer: str, heights: tuple[float, float]
 ) -> Iterator[tuple[str, ConvertedSetting]]:
-    """Convert settings as in an import; yield our setting and how it was converted, for settings that were typed.
+    """Convert settings as an import does; yield name and conversion of our settings that depend on typed ones.
 
     Args:
         entries: settings under PrusaSlicer's names.

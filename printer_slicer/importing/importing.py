@@ -75,7 +75,7 @@ def import_profiles(
 def convert_presets(
     found: PresetsInFile, request: ImportRequest, place: str
 ) -> list[ImportedProfile | RejectedProfile]:
-    """Convert presets that were already read; the result is that of `import_profiles`."""
+    """Convert presets that were already read; return the same as `import_profiles`."""
     if isinstance(found, PresetBundle):
         made = list(_convert_bundle(found, request))
     else:
@@ -96,7 +96,7 @@ def convert_presets(
 def _convert_related(
     presets: Sequence[Preset], request: ImportRequest
 ) -> Iterator[ImportedProfile | RejectedProfile]:
-    """Convert the printer, material and quality of one file, each with the settings of its companions."""
+    """Convert the printer, material and quality of one file; each conversion also uses the settings of the others."""
     printer = next((preset for preset in presets if preset.kind == "printer"), None)
     quality = next((preset for preset in presets if preset.kind == "quality"), None)
 
@@ -132,7 +132,7 @@ def _read_layer_heights(quality: Preset) -> tuple[float, float]:
 def _convert_bundle(
     bundle: PresetBundle, request: ImportRequest
 ) -> Iterator[ImportedProfile | RejectedProfile]:
-    """Convert the selected presets of a bundle, each printer with the defaults of its companions."""
+    """Convert the selected presets of a bundle; printers get defaults from their default material and quality."""
     if request.printer:
         yield from _convert_related(
             _select_printer_and_companions(bundle, request), replace(request, names=())
@@ -216,7 +216,7 @@ def _add_context(preset: Preset, other: Preset | None) -> Preset:
 def _convert_preset(
     preset: Preset, companions: Sequence[Preset], request: ImportRequest
 ) -> ImportedProfile | RejectedProfile:
-    """Convert a preset and check that it is safe; return the rejection if either fails."""
+    """Convert a preset and check that it is safe; if either fails, return a rejected profile."""
     converters: Mapping[str, Callable[[Preset], ImportedProfile]] = {
         "printer": lambda one: convert_printer(one, _find_companion_ranges(companions, request.limits)),
         "material": convert_material,
@@ -238,7 +238,7 @@ def _is_requested(profile: ImportedProfile, request: ImportRequest) -> bool:
 def _check_native_profile(
     profile: ImportedProfile, request: ImportRequest
 ) -> ImportedProfile | RejectedProfile:
-    """Check that a profile of this program is safe; return the rejection if it is not."""
+    """Check that a profile of this program is safe; if it is not, return a rejected profile."""
     try:
         check_safety(
             profile, Preset(profile.kind, profile.name, "printer_slicer", profile.source, {}), request.limits
@@ -249,7 +249,7 @@ def _check_native_profile(
 
 
 def _find_companion_ranges(presets: Sequence[Preset], limits: TemperatureLimits) -> CompanionRanges:
-    """Return the ranges of temperature and layer height of presets, without temperatures above the limits."""
+    """Return the ranges of temperature and layer height in presets; ignore temperatures above the limits."""
     nozzle = _read_positive_numbers(presets, "material", ("temperature", "first_layer_temperature"))
     bed = _read_positive_numbers(presets, "material", ("bed_temperature", "first_layer_bed_temperature"))
     heights = _read_positive_numbers(presets, "quality", ("layer_height", "first_layer_height"))

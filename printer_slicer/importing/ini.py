@@ -44,7 +44,7 @@ class IniSection(Struct, frozen=True):
 
     @property
     def texts(self) -> Mapping[str, str]:
-        """Return the values of the settings."""
+        """Values of the settings, by name."""
         return {key: entry.text for key, entry in self.entries.items()}
 
 

@@ -72,7 +72,7 @@ def convert_macros(conversion: Conversion, bed: BedRectangle) -> None:
 
 
 def _convert_cura_macro(text: str) -> str:
-    """Convert a macro of Cura, where `[` is an ordinary character and `{name, extruder}` a value of an extruder."""
+    """Convert a macro of Cura, in which `[` is an ordinary character and `{name, extruder}` a value of one extruder."""
     return _CURA_SYNTAX.sub(
         lambda one: (
             f"{{{one[1]}[{one[2]}]}}" if one[1] else escape_braces(one[0]) if one[0] == "[" else one[0]

@@ -67,7 +67,7 @@ def convert_material(preset: Preset) -> ImportedProfile:
 
 
 def _convert_flow_ratio(conversion: Conversion) -> None:
-    """Convert the flow ratio.
+    """Convert the flow ratio; reject values that look like percentages.
 
     Raises:
         ProfileError: it is far from 1, as if it were a percentage.
@@ -147,7 +147,7 @@ def _convert_fan_heights(conversion: Conversion) -> None:
 
 
 def _read_fan_ratio(preset: Preset, name: str) -> float:
-    """Return a fan speed as a ratio; in the source it is a percentage, with or without its sign."""
+    """Return a fan speed as a ratio; the source gives it in percent, with or without %."""
     return preset.read_quantity(name).value / 100
 
 
@@ -166,7 +166,7 @@ def _describe_layers(preset: Preset) -> str:
 
 
 def _convert_overhang_fan(conversion: Conversion) -> None:
-    """Convert the fan speed on overhangs: the same as on bridges, or graded by overhang."""
+    """Convert the fan speed on overhangs, which is that of bridges or depends on the overhang."""
     preset = conversion.preset
     if preset.dialect == "orca":
         _convert_overhang_threshold(conversion, conversion.resolve("overhang_fan_threshold", 1.0))

@@ -75,7 +75,7 @@ def add_object_overrides(
 
 
 def list_overridable_settings(*, heights: bool) -> frozenset[str]:
-    """Return the quality settings that can differ between objects.
+    """Return the names of the quality settings that can differ between objects.
 
     Args:
         heights: whether to return only those that can also differ between height ranges.
@@ -126,7 +126,7 @@ def _list_converted(
 def _list_unsupported(
     source: ObjectSettings, made: ImportedProfile, same: set[str]
 ) -> Iterator[UnsupportedSetting]:
-    """Yield the settings of an object without an equivalent that can differ between objects."""
+    """Yield the settings of an object that have no equivalent here, or that apply only to the whole plate here."""
     names = {entry.name for entry in source.entries.values()}
     for lost in made.left:
         if lost.theirs in names:

@@ -28,7 +28,7 @@ _ORCA: Final = re.compile(
 
 
 def takes_percentage(name: str, dialect: str) -> bool:
-    """Return whether a setting takes percentages.
+    """Return whether the other slicer accepts a percentage as the value of a setting.
 
     Args:
         name: PrusaSlicer's name of the setting.

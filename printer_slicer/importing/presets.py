@@ -51,7 +51,7 @@ class ObjectSettings(Struct, frozen=True):
 
     @property
     def place(self) -> str:
-        """Return the object and the height range as text."""
+        """The object and the height range, as text for messages."""
         return f"{self.object}, z {self.low:g} to {self.high:g}" if self.high else self.object
 
 
@@ -93,16 +93,16 @@ class Preset(Struct, frozen=True):
         return key in self.entries and self.entries[key].text.strip() not in _EMPTY_VALUES
 
     def read_raw(self, key: str) -> str:
-        """Return a value as written, or the default of its slicer."""
+        """Return the value of a setting as written in the source, or the default of the other slicer."""
         entry = self.entries.get(key)
         return self.defaults.get(key, "") if entry is None else entry.text
 
     def read_text(self, key: str) -> str:
-        """Return a value without quotes and escapes."""
+        """Return the value of a setting as text, without quotes and escapes."""
         return unescape(self.read_raw(key))
 
     def read_word(self, key: str, known: Collection[str]) -> str:
-        """Return a word in lower case.
+        """Return the value of a setting as one word in lower case.
 
         Raises:
             ProfileError: the word was typed and is not one of the known words.
@@ -118,16 +118,16 @@ class Preset(Struct, frozen=True):
         return word
 
     def read_first_text(self, key: str) -> str:
-        """Return the first text of a list."""
+        """Return the first text of a setting that is a list of texts."""
         return next(iter(split_texts(self.read_raw(key))), "")
 
     def read_first_macro(self, key: str) -> str:
-        """Return the first macro of a list; a value without quotes is one macro, where semicolons begin comments."""
+        """Return the first macro of a setting; a value without quotes is one macro, whose comments begin with ;."""
         raw = self.read_raw(key).strip()
         return self.read_first_text(key) if raw.startswith('"') else unescape(raw)
 
     def read_items(self, key: str) -> list[str]:
-        """Return the items of a list of numbers or words, separated by commas or semicolons."""
+        """Return the items of a setting that is a list of numbers or words, separated by commas or semicolons."""
         return [part.strip().strip('"') for part in self.read_raw(key).replace(";", ",").split(",")]
 
     def read_number(self, key: str) -> float:
@@ -175,7 +175,7 @@ class Preset(Struct, frozen=True):
         return word in ON_WORDS
 
     def format_place(self, key: str) -> str:
-        """Return the place and name of a setting, for messages."""
+        """Format the place and name of a setting, for messages."""
         entry = self.entries.get(key)
         if entry is not None and key in self.typed:
             return entry.place

@@ -24,7 +24,7 @@ def find_printers(query: str, names: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def _find_best_matches(query: str, names: Mapping[str, Sequence[str]], *, with_nozzle: bool) -> list[str]:
-    """Return the printers with the best match; several if they match equally well."""
+    """Return the printers whose names match best; several if they match equally well."""
     asked = split_name(query, with_nozzle=with_nozzle)
     ranks = {}
     for printer, others in names.items():

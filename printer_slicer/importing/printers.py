@@ -75,7 +75,7 @@ def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProf
 
 
 def _check_kind(conversion: Conversion) -> None:
-    """Reject resin printers, and printers that count filament in mm³."""
+    """Reject resin printers, and printers whose E values are in mm³."""
     preset = conversion.preset
     conversion.mark_used(["printer_technology"])
     if preset.read_text("printer_technology").upper() not in ("FFF", ""):
@@ -91,7 +91,7 @@ def _check_kind(conversion: Conversion) -> None:
 
 
 def _convert_flavour(conversion: Conversion) -> None:
-    """Convert the G-code flavour; notes and macros show Prusa's firmware and Klipper."""
+    """Convert the G-code flavour; recognize Prusa's firmware and Klipper by notes and macros."""
     preset = conversion.preset
     word = preset.read_text("gcode_flavor").strip().lower()
     notes = preset.read_text("printer_notes")
@@ -192,7 +192,7 @@ def _convert_layer_limits(conversion: Conversion, nozzle: float, companions: Com
 
 
 def _widen_layer_limits(conversion: Conversion, nozzle: float, companions: CompanionRanges) -> None:
-    """Widen the limits of layer heights to those of the print settings."""
+    """Widen the limits of layer heights so that they include the layer heights of the print settings."""
     if 0 < companions.thinnest < conversion.values["min_layer"]:
         conversion.put(
             "min_layer",
@@ -323,7 +323,7 @@ def _convert_retraction(conversion: Conversion) -> None:
 
 
 def _convert_wipe(conversion: Conversion, length: float, speed: float, *, firmware: bool) -> None:
-    """Convert the wipe.
+    """Convert the distance that the nozzle moves back during retraction (wipe).
 
     Args:
         conversion: conversion of a printer.

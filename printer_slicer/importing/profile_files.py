@@ -30,7 +30,7 @@ IsTaken = Callable[[str, str, str], bool]
 
 
 def _is_never_taken(_kind: str, _file_name: str, _name: str) -> bool:
-    """Return False: no other profile has the file name."""
+    """Return False, because no file name is taken by another profile."""
     return False
 
 
@@ -85,7 +85,7 @@ def _make_slug(name: str, longest: int) -> str:
 
 
 def format_profile(profile: ImportedProfile) -> str:
-    """Return the text of a profile's file, with comments that explain converted settings.
+    """Format a profile as the text of its file, with comments that explain converted settings.
 
     Args:
         profile: the profile.

@@ -1,4 +1,4 @@
-"""Write a profile as settings of PrusaSlicer, so that single settings of other slicers can be converted in it."""
+"""Describe a profile in settings of PrusaSlicer, on which the conversion of single typed settings depends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _OVERHANG_SPEEDS: Final = ((0, "15"), (25, "15"), (50, "20"), (75, "25"))
 
 
 def describe_profile(profile: Profile, typed: Collection[str]) -> dict[str, str]:
-    """Return settings of PrusaSlicer that correspond to a profile; only those on which other settings depend.
+    """Return the settings of PrusaSlicer that correspond to a profile, and on which other settings depend.
 
     Args:
         profile: the profile.

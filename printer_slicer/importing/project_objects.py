@@ -108,7 +108,7 @@ def _group_by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
 def _convert_settings(
     source: _Object, place: str, *, is_orca: bool, is_only_object: bool
 ) -> list[ObjectSettings]:
-    """Return the settings of an object and of its height ranges, with PrusaSlicer's names."""
+    """Return the settings of an object and of its height ranges, under PrusaSlicer's names."""
 
     def translate(settings: Mapping[str, str]) -> dict[str, SourceSetting]:
         """Return settings under PrusaSlicer's names."""
@@ -180,7 +180,7 @@ class _ObjectReader(_XmlReader):
         return self._objects
 
     def start_element(self, tag: str, attributes: dict[str, str]) -> None:
-        """Begin an object or a volume, or read a setting of one."""
+        """Handle the start of an object or a volume, or read one of its settings."""
         if tag == "object":
             self._current = _Object()
             self._objects.append(self._current)
@@ -191,7 +191,7 @@ class _ObjectReader(_XmlReader):
             self._add_setting(self._current, attributes["key"], attributes.get("value", ""))
 
     def end_element(self, tag: str) -> None:
-        """End a volume or an object; if an object has only one volume, it takes the settings of the volume."""
+        """Handle the end of a volume or an object; the settings of an only volume become those of its object."""
         if tag in _VOLUMES:
             self._is_in_volume = False
         elif tag == "object" and self._current:
@@ -213,7 +213,7 @@ class _ObjectReader(_XmlReader):
 
 
 class _RangeReader(_XmlReader):
-    """Reads settings of height ranges; numbers of objects are their positions in the project, from 1."""
+    """Reads settings of height ranges; an object is numbered by its position in the project, from 1."""
 
     def __init__(self, place: str, objects: list[_Object]) -> None:
         super().__init__(place)
@@ -226,7 +226,7 @@ class _RangeReader(_XmlReader):
         self.parse(text)
 
     def start_element(self, tag: str, attributes: dict[str, str]) -> None:
-        """Begin an object, a height range or a setting."""
+        """Handle the start of an object, a height range or a setting."""
         if tag == "object":
             number = int(attributes.get("id", "0"))
             inside = 1 <= number <= len(self._objects)
@@ -244,7 +244,7 @@ class _RangeReader(_XmlReader):
             self._object.heights[-1][1][self._key] += text
 
     def end_element(self, tag: str) -> None:
-        """End a setting."""
+        """Handle the end of a setting; drop it if it selects the first tool."""
         if tag == "option" and self._key:
             settings = self._object.heights[-1][1]
             if _is_first_tool(self._key, settings[self._key].strip()):

@@ -129,7 +129,7 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
 
 
 def _find_layer_height(settings: ObjectSettings) -> tuple[tuple[tuple[str, float], ...], list[str]]:
-    """Return the object with its uniform layer height, or the reason why its layer height is not used."""
+    """Return an object's name with its uniform layer height, or the reason why the layer height is not used."""
     entry = settings.entries.get("layer_height")
     if entry is None:
         return (), []

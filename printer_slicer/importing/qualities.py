@@ -143,7 +143,7 @@ def convert_quality(preset: Preset) -> ImportedProfile:
 
 
 def _find_nozzle(conversion: Conversion) -> tuple[float, str]:
-    """Return the nozzle diameter that percentages refer to, mm, and a phrase that says which nozzle it is."""
+    """Return the nozzle diameter, mm, to which percentages refer, and a phrase that describes this nozzle."""
     preset = conversion.preset
     known = dict(preset.context) | {name: entry.text for name, entry in preset.entries.items()}
     try:
@@ -228,15 +228,17 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
     nozzle, whose = _find_nozzle(conversion)
     is_of_nozzle = preset.dialect not in {"prusaslicer", "slic3r"}
 
-    def width(name: str, layer: float) -> float:
-        """Return a width in mm; 0: automatic."""
+    def resolve_width(name: str, layer: float) -> float:
+        """Return an extrusion width in mm; 0 means automatic."""
         return preset.read_quantity(name).resolve(nozzle if is_of_nozzle else layer)
 
-    name = next((one for one in (_WIDTHS[0], "extrusion_width") if width(one, height)), "")
-    perimeter_width = width(name, height) if name else 1.125 * nozzle
+    name = next((one for one in (_WIDTHS[0], "extrusion_width") if resolve_width(one, height)), "")
+    perimeter_width = resolve_width(name, height) if name else 1.125 * nozzle
     percent = bool(name) and preset.read_quantity(name).is_percent
     differing = {
-        one for one in _WIDTHS if width(one, height) and abs(width(one, height) - perimeter_width) > 1e-6
+        one
+        for one in _WIDTHS
+        if resolve_width(one, height) and abs(resolve_width(one, height) - perimeter_width) > 1e-6
     }
     conversion.mark_used(one for one in ("extrusion_width", *_WIDTHS) if one not in differing)
     part = f"percentage {whose if is_of_nozzle else 'of layer_height'}"
@@ -247,11 +249,11 @@ def _convert_widths(conversion: Conversion, height: float) -> float:
     if _EXTERNAL_WIDTH in differing:
         how = part if preset.read_quantity(_EXTERNAL_WIDTH).is_percent else ""
         conversion.clamp(
-            "external_perimeter_width", width(_EXTERNAL_WIDTH, height), 0, 4, _EXTERNAL_WIDTH, how
+            "external_perimeter_width", resolve_width(_EXTERNAL_WIDTH, height), 0, 4, _EXTERNAL_WIDTH, how
         )
     else:
         conversion.switch_off("external_perimeter_width", 0, _EXTERNAL_WIDTH)
-    first = width("first_layer_extrusion_width", float(conversion.values["first_layer_height"]))
+    first = resolve_width("first_layer_extrusion_width", float(conversion.values["first_layer_height"]))
     found = preset.read_quantity("first_layer_extrusion_width")
     what = f"percentage {whose if is_of_nozzle else 'of first_layer_height'}" if found.is_percent else ""
     conversion.clamp("first_layer_width", first, 0, 4, "first_layer_extrusion_width", what)
@@ -323,7 +325,7 @@ def _convert_perimeter_order(conversion: Conversion) -> None:
 
 
 def _convert_scarf_joints(conversion: Conversion) -> None:
-    """Convert scarf joints."""
+    """Convert the length and start height of scarf joints, and whether inner perimeters have them."""
     preset = conversion.preset
     kind, length = "seam_slope_type", "seam_slope_min_length"
     if preset.read_word(kind, ["none", *_SCARFS]) not in _SCARFS:
@@ -462,7 +464,7 @@ def _convert_adhesion(conversion: Conversion, height: float) -> None:
 
 
 def _convert_brim(conversion: Conversion) -> None:
-    """Convert the brim."""
+    """Convert the width, type and gap of the brim, and the angle of brim ears."""
     preset = conversion.preset
     none = preset.read_word("brim_type", [*_BRIMS, *_NEAR_BRIMS, *_NO_BRIM]) in _NO_BRIM
     conversion.clamp(

@@ -95,12 +95,12 @@ class ImportedProfile(Struct, frozen=True):
 
     @property
     def converted_settings(self) -> tuple[ConvertedSetting, ...]:
-        """The settings that were converted, not copied."""
+        """Settings whose values were converted, not copied."""
         return tuple(one for one in self.taken if one.how)
 
 
 class RejectedProfile(Struct, frozen=True):
-    """A preset that could not be converted, with the problem and the remedy."""
+    """A preset that was not imported, with the problem and the remedy."""
 
     kind: str
     name: str

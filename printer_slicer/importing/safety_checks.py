@@ -104,7 +104,7 @@ def _check_machine(profile: ImportedProfile, preset: Preset) -> None:
 
 
 def _find_place(profile: ImportedProfile, preset: Preset, key: str) -> str:
-    """Return the place of the setting in the source from which one of our settings was converted."""
+    """Return the place, in the source, of the setting from which one of our settings was converted."""
     for taken in profile.taken:
         if taken.ours == key or taken.ours.startswith(f"{key}."):
             if not taken.theirs:
@@ -115,7 +115,7 @@ def _find_place(profile: ImportedProfile, preset: Preset, key: str) -> str:
 
 
 def _describe_value(profile: ImportedProfile, key: str) -> str:
-    """Return the end of a message that shows the value of a setting; empty for tables."""
+    """Format the value of a setting as the end of a message; return an empty text for tables."""
     found = profile.values
     for part in key.split("."):
         if not isinstance(found, dict) or part not in found:

@@ -168,7 +168,7 @@ def _detect_dialect(text: str, keys: set[str]) -> str:
 
 
 def _split_section_by_kind(section: IniSection, path: Path, dialect: str = "") -> list[Preset]:
-    """Split one set of settings into presets: one for each kind of which it has a main setting."""
+    """Split one set of settings into up to three presets: one for each kind whose main settings it contains."""
     entries = section.entries
     if "printable_area" in entries or "wall_loops" in entries:
         return make_orca_presets(
@@ -192,7 +192,7 @@ def _split_section_by_kind(section: IniSection, path: Path, dialect: str = "") -
 
 
 def _parse_orca_value(entry: SourceSetting) -> str | list[str]:
-    """Convert a value in a file of OrcaSlicer that is not JSON to the value that it has in JSON files."""
+    """Convert a value from a file of OrcaSlicer that is not JSON to the form that it has in JSON files."""
     if entry.name.endswith(("gcode", "notes")):
         several = split_texts(entry.text) if entry.text.startswith('"') else []
         return several if len(several) > 1 else unescape(entry.text)

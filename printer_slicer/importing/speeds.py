@@ -98,7 +98,7 @@ def convert_speeds(conversion: Conversion) -> None:
 
 
 def _convert_speed(conversion: Conversion, ours: str, theirs: str) -> None:
-    """Convert one speed."""
+    """Set one of our speeds from a speed of the source."""
     if theirs == "bridge_speed_internal":  # SuperSlicer renamed it
         names = (theirs, "internal_bridge_speed")
         theirs = next((one for one in names if conversion.preset.read_raw(one)), "bridge_speed")
@@ -107,7 +107,7 @@ def _convert_speed(conversion: Conversion, ours: str, theirs: str) -> None:
 
 
 def _find_percent_base(conversion: Conversion, name: str, default: str) -> str:
-    """Return the setting that a percentage refers to."""
+    """Return the name of the setting to which the percentage of a speed refers."""
     preset = conversion.preset
     # Versions of SuperSlicer without default_speed use the percentages of PrusaSlicer.
     older = preset.dialect == "superslicer" and "default_speed" not in preset.entries
@@ -209,7 +209,7 @@ def _convert_small_perimeters(conversion: Conversion) -> None:
 
 
 def _convert_overhangs(conversion: Conversion) -> None:
-    """Convert speeds graded by overhang; if the source has none, only bridges are slower."""
+    """Convert the speeds for each degree of overhang; if the source has none, only bridges are slower."""
     preset = conversion.preset
     switch = "enable_dynamic_overhang_speeds"
     graded = preset.has(switch) and preset.is_on(switch)
@@ -231,7 +231,7 @@ def _convert_overhangs(conversion: Conversion) -> None:
 
 
 def _convert_accelerations(conversion: Conversion) -> None:
-    """Convert accelerations; 0 means another setting in the source, and the printer's value here."""
+    """Convert accelerations; here, 0 means the printer's value, but in the source, the value of another setting."""
     for ours, names in _ACCELERATIONS:
         name = next((one for one in names if conversion.read_quantity(one).value), _DEFAULT_ACCELERATION)
         value = _resolve_acceleration(conversion, name)

@@ -339,7 +339,7 @@ def _parse_limits(changes: list[str]) -> CoverageLimits:
 
 
 def _raise_if_check_failed(check: Check, more: Sequence[str] = ()) -> None:
-    """Raise an error if the comparison with the model has problems, or if there are more errors."""
+    """Raise an error if the comparison with the model has problems, or if `more` contains errors."""
     _raise_if_errors(check.name, [*check.problems, *map(sentence, check.findings), *more])
 
 
@@ -419,7 +419,7 @@ def _format_table(coverage: Coverage) -> Iterator[str]:
 
 
 def _format_area_row(name: str, coverage: Coverage, areas: Float, whole: Float) -> tuple[str, str, str, str]:
-    """Return a row of the table: area, mm², in the worst layer and in total, and its share of the whole area."""
+    """Format a row of the table: an area, mm², in the worst layer and in total, with its share of `whole`."""
     total, of = float(areas.sum()), float(whole.sum())
     share = f" ({total / of:.2%})" if of else ""
     return name, f"{areas.max():.2f} mm²", _format_worst_layer(coverage, areas), f"{total:.1f} mm²{share}"

@@ -162,7 +162,7 @@ def _check_output(arguments: argparse.Namespace) -> None:
 def _match_model(
     arguments: argparse.Namespace, deposit: GcodeExtrusions, stack: Stack, report: StageReport
 ) -> tuple[Stack, Areas | None, Match | None]:
-    """Return the layers of the file, and if there is a model, its sections in these layers and how well they match."""
+    """Return the layers of the file; with a model, also its sections in these layers and how well they match."""
     from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.inspection.coverage.model_check import place_sections
     from printer_slicer.profile import load_profile
@@ -293,7 +293,7 @@ def _collect_layer_facts(
 
 
 def _list_extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
-    """Yield role, comment, length, volume and width of the extrusions of each role and comment of the file."""
+    """Group the extrusions by role and by comment in the file; yield length, volume and width of each group."""
     import numpy as np
 
     from printer_slicer.inspection.deposition.marks import Purpose

@@ -141,7 +141,7 @@ def _format_certificate(plan: str, facts: dict[str, Any], repairs: list[dict[str
 
 
 def _list_layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
-    """Return bottom, top and cut of each layer, mm, and its bounds of deviation and volume error, for JSON."""
+    """List bottom, top and cut height of each layer, mm, with bounds of its deviation and volume error, for JSON."""
     import numpy as np
 
     layers = {name: getattr(plan, name).tolist() for name in ("bottom", "top", "cut")}
@@ -149,7 +149,7 @@ def _list_layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, li
 
 
 def _measure_thin_features(part: Mesh, plan: LayerPlan) -> dict[str, float]:
-    """Return the area of features thinner than the layers, mm² seen from above, and the z at which most of it lies."""
+    """Measure features thinner than a layer: their area, mm² seen from above, and the z near which most of it lies."""
     from printer_slicer.slicing import cut
     from printer_slicer.surface import read_surface, thin_areas
 
@@ -253,7 +253,7 @@ def _compare_plans(
 
 
 def _make_profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Profile]:
-    """Return name in the table -> profile; all profiles have the same tolerance and layer heights."""
+    """Map names in the table to profiles, all of which have the same tolerance and layer heights."""
     from printer_slicer.profile import profile_with
 
     thin, thick = profile.thinnest, profile.thickest

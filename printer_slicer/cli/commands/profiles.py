@@ -288,7 +288,7 @@ def _choose_new_profile_folder(arguments: argparse.Namespace, kind: str, name: s
 
 
 def _check_profiles(arguments: argparse.Namespace) -> int:
-    """Report all errors in profile files, and of the profiles together; return 2 if there are any."""
+    """Report all errors in profile files, and conflicts between the profiles; return 2 if there are any."""
     from printer_slicer.gcode.macro_faults import find_macro_faults
     from printer_slicer.profile.inspection import find_faults
 
@@ -314,7 +314,7 @@ def _check_profiles(arguments: argparse.Namespace) -> int:
 
 
 def _describe_conflicts(arguments: argparse.Namespace, checked: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Return (problem, remedy) for each conflict between the checked profiles and those on the command line."""
+    """Return (problem, remedy) for each conflict among the checked profiles and the profiles of the command line."""
     from printer_slicer.profile.files import find_conflicts, read_sources
 
     flags = {kind: getattr(arguments, kind) for kind in _KINDS if getattr(arguments, kind)}
@@ -368,7 +368,7 @@ def _show_paths(arguments: argparse.Namespace) -> int:
 
 
 def _list_settings(arguments: argparse.Namespace) -> int:
-    """List the settings whose key or meaning contains all typed words, those of that name first."""
+    """List the settings whose key or meaning contains all typed words; settings whose name matches come first."""
     from printer_slicer.profile.document import format_settings_markdown
     from printer_slicer.profile.tables import find_settings
 
@@ -396,7 +396,7 @@ def _list_settings(arguments: argparse.Namespace) -> int:
 
 
 def _write_schema_files(arguments: argparse.Namespace) -> int:
-    """Write the JSON schemas to a folder; without one, print the schema of a kind, or the folder of the schemas."""
+    """Write the JSON schemas to a folder; if none is named, print one schema, or the folder that has them all."""
     from printer_slicer.profile.folders import SCHEMAS, find_shipped_profiles
     from printer_slicer.profile.schema import make_schema
 

@@ -190,7 +190,7 @@ def _choose_paths(arguments: argparse.Namespace, imported: Sequence[ImportedProf
     )
 
     def is_taken(kind: str, file_name: str, name: str) -> bool:
-        """Return whether another preset's profile has this file name, or a shipped one has its words."""
+        """Return whether the name would replace another preset's profile, or is similar to a shipped profile's name."""
         folder = Path(FOLDERS[kind])
         shipped = [split_name(path.stem) for path in (find_shipped_profiles() / folder).glob("*.toml")]
         mine = _read_display_name(root / folder / f"{file_name}.toml")
@@ -431,7 +431,7 @@ def _add_macro_notes(imported: Sequence[ImportedProfile]) -> list[ImportedProfil
 
 
 def _remove_overrides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings without the overrides of objects, which are checked when the objects are known."""
+    """Return the settings without overrides, which can be checked only when the objects are known."""
     return {key: value for key, value in values.items() if key != "overrides"}
 
 

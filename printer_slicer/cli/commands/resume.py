@@ -119,7 +119,7 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
 
 
 def _make_command_check_argument(setup: HostSettings) -> dict[str, Any]:
-    """Return the argument `allow` of `resume_print`: a check of typed commands, with the settings of the start."""
+    """Make the argument `allow` of `resume_print`: a check of typed commands by the settings of the print."""
     from printer_slicer.cli.jobs import make_command_check
     from printer_slicer.profile import restore_profile
 
@@ -131,7 +131,7 @@ def _make_command_check_argument(setup: HostSettings) -> dict[str, Any]:
 
 
 def _list_unfinished_prints(arguments: argparse.Namespace, job_store: Path) -> int:
-    """List the unfinished prints, damaged ones included."""
+    """List the unfinished prints, including damaged ones."""
     from printer_slicer.printing.job_store import find_damaged_prints, load_stored_prints
     from printer_slicer.printing.journal import read_journal
 

@@ -230,7 +230,7 @@ def _pair_outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
 
 
 def _find_timestamp(arguments: Namespace) -> datetime | None:
-    """Return the date for the first line: SOURCE_DATE_EPOCH, or the current date with --timestamp; otherwise None.
+    """Return the date for the first line of the G-code: SOURCE_DATE_EPOCH, the current date (--timestamp), or None.
 
     Raises:
         UsageError: SOURCE_DATE_EPOCH is not a number of seconds.
@@ -300,7 +300,7 @@ def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> Non
 
 
 def _list_unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
-    """Yield a warning for each height range above the part, whose settings have no effect."""
+    """Yield a warning for each height range that lies above the part, because its settings have no effect."""
     from printer_slicer.profile.object_profiles import list_height_overrides
 
     top = float(plan.top[-1])
