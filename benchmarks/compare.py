@@ -24,6 +24,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 
+from cura_settings import find_definitions
 from processes import SAMPLES, WORK, Cost, RunError, machine_note, ours, run, spread
 
 PEER = "prusa-slicer"
@@ -106,13 +107,12 @@ print(json.dumps({key: str(value) for key, value in list_settings(used)}))
 
 _CURA_OPTIONS = """
 import json, sys
-from benchmarks.cura_settings import cura_settings, find_definitions
-from printer_slicer.profile import load_profile
-from printer_slicer.profile.gcode_settings import settings_in_gcode
 from pathlib import Path
-from printer_slicer.profile import profile_over
+from benchmarks.cura_settings import cura_settings, find_definitions
+from printer_slicer.profile import complete_profile
+from printer_slicer.profile.gcode_settings import read_settings_from_gcode
 definitions = find_definitions()
-profile = profile_over(settings_in_gcode(Path(sys.argv[1])), {}, {}, ())
+profile = complete_profile(read_settings_from_gcode(Path(sys.argv[1])), {}, {}, ())
 height = float(sys.argv[2])
 first = profile.quality.first_layer_height or height
 wanted = cura_settings(profile) | {"layer_height": height, "layer_height_0": first, "center_object": True}
@@ -160,11 +160,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _options(argv)
     WORK.mkdir(exist_ok=True)
     peers = [*VARIANTS] if shutil.which(PEER) else []
-    peers += [CURA] if shutil.which(CURA) else []
+    peers += [CURA] if shutil.which(CURA) and find_definitions() else []
     print(", ".join([machine_note(), *_find_peer_versions()]), flush=True)
-    for program in (PEER, CURA):
-        if not shutil.which(program):
-            print(f"{program} is not installed: no comparison with it")
+    if not peers:
+        print(f"{PEER} and {CURA} are not installed: the table shows only our own times")
     results = []
     for model in _find_parts(options.models, options.parts):
         results.append(_measure(model, peers, options.rounds, _our_arguments(options)))
@@ -337,7 +336,7 @@ def _count_extrusions(gcode: Path) -> Facts:
     moves, layers, last, relative, role = 0, 0, 0.0, False, ""
     roles: dict[str, float] = {}
     for line in gcode.read_text("utf-8", "replace").splitlines():
-        if line.startswith(";LAYER_CHANGE"):
+        if line.startswith((";LAYER_CHANGE", ";LAYER:")):
             layers += 1
         elif line.startswith(";TYPE:"):
             role = line.removeprefix(";TYPE:")

@@ -12,9 +12,10 @@ import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from printer_slicer.profile import Profile
+if TYPE_CHECKING:
+    from printer_slicer.profile import Profile
 
 __all__ = ["Definitions", "cura_settings", "find_definitions"]
 
