@@ -85,9 +85,9 @@ class _Pieces(Struct, frozen=True, eq=False):
     path: Int
     open: Bool
 
-    def points_at(self, paths: Toolpaths, ahead: float = 0) -> Float:
-        """Return the point (K, 2) of each piece at the fraction `ahead` of its length, from 0 (start) to 1 (end)."""
-        share = ((self.step + ahead) / self.count)[:, None]
+    def find_points(self, paths: Toolpaths, fraction: float = 0) -> Float:
+        """Return the point (K, 2) of each piece at a fraction of its length, from 0 (start) to 1 (end)."""
+        share = ((self.step + fraction) / self.count)[:, None]
         start = paths.xy.take(self.point, axis=0)
         return start + share * (paths.xy.take(self.following, axis=0) - start)
 
@@ -148,7 +148,7 @@ def _compute_support_ratios(
     result = np.ones(len(pieces.point))
     chosen = np.flatnonzero(pieces.open)
     looked_at = pieces.take(chosen)
-    layer, middle = paths.layer.take(looked_at.path), looked_at.points_at(paths, 0.5)
+    layer, middle = paths.layer.take(looked_at.path), looked_at.find_points(paths, 0.5)
     near = mark_near_outlines(under[1], middle, layer, (1 + _STEP / 2) * width)
     result[chosen[~near]] = _find_constant_ratios(
         pieces, chosen[~near], middle.compress(~near, axis=0), layer[~near], under[1]
@@ -157,7 +157,7 @@ def _compute_support_ratios(
     if not len(chosen):
         return result
     looked_at, layer = pieces.take(chosen), layer.compress(near)
-    start, end = looked_at.points_at(paths), looked_at.points_at(paths, 1)
+    start, end = looked_at.find_points(paths), looked_at.find_points(paths, 1)
     # Most pieces start where the previous one ends; only other ends need an additional test.
     is_last = np.append(
         (end[:-1, 0] != start[1:, 0]) | (end[:-1, 1] != start[1:, 1]) | (np.diff(chosen) != 1), True
@@ -246,7 +246,7 @@ def _join_pieces(paths: Toolpaths, pieces: _Pieces, support_ratio: Float, shorte
     size = np.bincount(some.path, minlength=paths.n_paths)
     return Toolpaths(
         paths.plan,
-        some.points_at(paths),
+        some.find_points(paths),
         width + share * (following - width),
         np.append(0, np.cumsum(size)),
         paths.layer,

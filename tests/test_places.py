@@ -316,7 +316,7 @@ def attempt(text: str, **changes: object) -> Profile:
         ),
         (
             "lid:perimeters=many",
-            "lid:perimeters: quality.perimeters: expected a whole number; got 'many'",
+            "lid:perimeters: quality.perimeters: expected a whole number",
             "units and bounds",
         ),
         ("lid:perimeters=101", "<= 100", "units and bounds"),

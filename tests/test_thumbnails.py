@@ -99,5 +99,5 @@ def test_a_size_that_is_none_is_refused(wrong: str) -> None:
 
 
 def test_a_picture_larger_than_a_file_should_hold_is_refused() -> None:
-    with pytest.raises(ProfileError, match=r"printer\.thumbnails: 1025x10 is larger than 1024 px"):
+    with pytest.raises(ProfileError, match=r"printer\.thumbnails=1025x10: 1025x10 is larger than 1024 px"):
         plain(thumbnails="1025x10")

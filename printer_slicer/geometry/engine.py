@@ -176,7 +176,7 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     """
     by = _check_distances(distance, areas.n_layers)
     if (by < 0).any():
-        raise ValueError("the distance of an opening must be 0 or more")
+        raise ValueError("the distance by which areas are shrunk and grown again must be 0 or more")
     # No circle of this radius fits into a ring with less area than the circle. A hole without its ring covers nothing.
     size = areas.ring_area()
     areas = areas.select((size <= 0) | (size > _ROUNDING * np.pi * by[areas.ring_layer] ** 2))

@@ -64,7 +64,7 @@ class Polygons(Protocol):
         """Return the union, difference or intersection of two lists of layers, entry by entry."""
 
     def outlines_within(self, outlines: Areas, layers: list[Layer]) -> list[list[Float]]:
-        """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+        """Return for each layer the parts of `outlines` inside its areas, as open lines (n, 2), mm."""
 
     def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
         """Move the outlines of each entry outward by its distance, mm."""

@@ -59,7 +59,7 @@ class ObjectTable:
         """
         if key in self.bodies:
             raise ValueError(f"{name} is defined twice")
-        self._n_numbers = self._count_numbers()
+        self._n_numbers = self._count_coordinates_and_corners()
         self._last = self.bodies[key] = ObjectBuilder(name)
         self.count_reference()
         return self._last
@@ -79,11 +79,11 @@ class ObjectTable:
         Raises:
             MeshError: there are too many.
         """
-        n_coordinates, n_corners = self._count_numbers()
+        n_coordinates, n_corners = self._count_coordinates_and_corners()
         check_vertices(n_coordinates // 3, self._path, self._limits)
         check_facets(n_corners // 3, self._path, self._limits)
 
-    def _count_numbers(self) -> list[int]:
+    def _count_coordinates_and_corners(self) -> list[int]:
         """Return the number of coordinates and of corners in all objects read so far."""
         return [self._n_numbers[0] + len(self._last.xyz), self._n_numbers[1] + len(self._last.corners)]
 

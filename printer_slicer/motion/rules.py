@@ -134,7 +134,7 @@ class Lookahead:
             return 0.0
         queued = self._queue.popleft()
         block, entry = queued.block, self.exit_speed
-        square = min(self._find_reachable_square(1.0), self._square + queued.gain)
+        square = min(self._find_squared_reachable_speed(1.0), self._square + queued.gain)
         cruise = block.speed
         if self.limits.minimum_cruise_ratio > 0.0:
             self._top = self._find_next_cruise_limit(queued.gain)
@@ -144,7 +144,7 @@ class Lookahead:
         self.exit_speed = sqrt(square)
         return compute_ramp_time(block.length, entry, cruise, self.exit_speed, block.acceleration)
 
-    def _find_reachable_square(self, scale: float, skip: int = 0) -> float:
+    def _find_squared_reachable_speed(self, scale: float, skip: int = 0) -> float:
         """Return the maximum squared speed at the start of queued block `skip` that keeps all later corners possible.
 
         This is the backward pass of a planner, run from the front: a later corner allows its own squared speed plus
@@ -165,7 +165,7 @@ class Lookahead:
         scale = 1.0 - self.limits.minimum_cruise_ratio
         gain *= scale
         entry = self._smooth
-        self._smooth = exit_ = min(self._find_reachable_square(scale), entry + gain)
+        self._smooth = exit_ = min(self._find_squared_reachable_speed(scale), entry + gain)
         if _needs_full_gain(entry, exit_, gain):
             return self._find_peak_ahead(exit_, scale)
         return (
@@ -178,7 +178,7 @@ class Lookahead:
         """Return the squared speed at which the current acceleration of the virtual machine will end."""
         for index, queued in enumerate(self._queue, start=1):
             gain = scale * queued.gain
-            exit_ = min(self._find_reachable_square(scale, index), entry + gain)
+            exit_ = min(self._find_squared_reachable_speed(scale, index), entry + gain)
             if not _needs_full_gain(entry, exit_, gain):
                 return (
                     entry

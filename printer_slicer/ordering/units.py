@@ -17,7 +17,7 @@ _HIGHER = 1e-3  # mm
 
 
 class Units(Struct, frozen=True, eq=False):
-    """Units of paths, sorted by layer, island and step.
+    """Groups of paths that are printed without interruption (units), sorted by layer, island and step.
 
     Attributes:
         path: (M,) indices of all paths, unit by unit.

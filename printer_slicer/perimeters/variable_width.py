@@ -166,7 +166,7 @@ def _make_fixed_loops(solid: Areas, beading: Beading) -> list[Areas]:
 
 
 def _have_real_sides(solid: Areas, sides: Bool, source: Int, corner: Bool) -> Bool:
-    """Return whether the sides or corners on both sides of each piece (E,) belong to the chosen `sides`."""
+    """Return whether the outlines to the left and right of each piece (E,) of the axis are among the chosen `sides`."""
     both = np.zeros(len(sides), np.bool_)
     both[solid.following] = sides
     both &= sides

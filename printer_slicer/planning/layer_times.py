@@ -20,9 +20,9 @@ from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.planning.line_timing import (
+    InfillRowTimes,
     LineMotion,
     LineTimes,
-    RowTimes,
     time_contours,
     time_moves,
     time_rows,
@@ -54,7 +54,7 @@ class _LayerLineTimes(NamedTuple):
 
     external: LineTimes
     inner: LineTimes
-    rows: list[RowTimes]
+    rows: list[InfillRowTimes]
     flow: float
 
 

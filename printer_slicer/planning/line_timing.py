@@ -18,7 +18,7 @@ from printer_slicer.motion.rules import MotionLimits
 from printer_slicer.motion.vectorized import compute_durations
 from printer_slicer.values import Struct
 
-__all__ = ["LineMotion", "LineTimes", "RowTimes", "time_contours", "time_moves", "time_rows"]
+__all__ = ["InfillRowTimes", "LineMotion", "LineTimes", "time_contours", "time_moves", "time_rows"]
 
 _N_LENGTHS: Final = 40
 _SHORTEST_LINE: Final = 0.2  # mm, shortest line in a row
@@ -90,7 +90,7 @@ def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: Mot
     return _sample_times(contour_seconds, line.speed, slowest)
 
 
-class RowTimes(Struct, frozen=True, eq=False):
+class InfillRowTimes(Struct, frozen=True, eq=False):
     """Time of a line and its connection to the next one, by line length.
 
     Attributes:
@@ -108,7 +108,7 @@ class RowTimes(Struct, frozen=True, eq=False):
         return np.asarray(np.exp(share) * rate[0])
 
 
-def time_rows(connection: float, line: LineMotion, slowest: float, limits: MotionLimits) -> RowTimes:
+def time_rows(connection: float, line: LineMotion, slowest: float, limits: MotionLimits) -> InfillRowTimes:
     """Return the times of zigzag lines with connections of this length, mm; other arguments as for `time_contours`."""
     length = np.geomspace(_SHORTEST_LINE, _LONGEST_LINE, _N_LENGTHS)
     to_and_fro = np.where(np.arange(_LINES_PER_ROW) % 2 == 0, 1.0, -1.0)
@@ -129,7 +129,7 @@ def time_rows(connection: float, line: LineMotion, slowest: float, limits: Motio
         middle = seconds_of_moves.reshape(_N_LENGTHS, _LINES_PER_ROW, 2)[:, _LINES_PER_ROW // 2]
         return np.asarray(middle.sum(axis=1))
 
-    return RowTimes(length, _sample_times(row_seconds, line.speed, slowest))
+    return InfillRowTimes(length, _sample_times(row_seconds, line.speed, slowest))
 
 
 def time_moves(length: Float | float, speed: float, acceleration: float) -> Float:

@@ -270,8 +270,8 @@ def test_a_part_that_does_not_stand_on_the_bed_has_no_raft() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"raft_height": 0.805}, "raft_height: 0.805 mm is not a multiple"),
-        ({"raft_height": 0.8, "raft_gap": 0.155}, "raft_gap: 0.155 mm is not a multiple"),
+        ({"raft_height": 0.805}, "raft_height=0.805: 0.805 mm is not a multiple"),
+        ({"raft_height": 0.8, "raft_gap": 0.155}, "raft_gap=0.155: 0.155 mm is not a multiple"),
         ({"raft_height": 0.8, "brim_width": 3}, "a brim of 3 mm cannot be combined with a raft"),
     ],
 )

@@ -174,7 +174,7 @@ def test_former_names_of_printing_work() -> None:
         assert not controls.wanted.is_set()
     with expect_warning("wants_end", "has_end_request"):
         assert not controls.wants_end
-    with expect_warning("wish", "command"), pytest.raises(ps.PrinterSlicerError, match="does not answer"):
+    with expect_warning("wish", "command"), pytest.raises(ps.PrinterSlicerError, match="does not respond"):
         controls.ask(wish=commands.Status(), timeout=0)
     with expect_warning("printer_slicer.Done", "printer_slicer.PrintResult"):
         assert ps.Done is ps.PrintResult  # type: ignore[attr-defined]

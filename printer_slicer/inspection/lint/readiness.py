@@ -42,13 +42,13 @@ class _StateHistory(Struct):
     states: list[int] = field(default_factory=lambda: [0])
 
     @property
-    def current_state(self) -> int:
-        """State after the commands so far."""
+    def last_state(self) -> int:
+        """Number of the state after the last command so far."""
         return self.states[-1]
 
     def record_change(self, index: int, state: int) -> None:
         """Record that a command changes the state."""
-        if state != self.current_state:
+        if state != self.last_state:
             self.since.append(index)
             self.states.append(state)
 
@@ -88,7 +88,7 @@ class ReadinessChecker:
             self._heat.record_change(index, _HOT)
         elif code in _HOMES:
             self._mark_homed(index, "".join(axis for axis in _AXES if axis in command.words) or _AXES)
-        elif code in {"M18", "M84"} and "S" not in command.words and self._axes.current_state == _HOMED:
+        elif code in {"M18", "M84"} and "S" not in command.words and self._axes.last_state == _HOMED:
             self._axes.record_change(index, _MOTORS_OFF)
         else:
             self._process_heating(index, command)
@@ -139,7 +139,7 @@ class ReadinessChecker:
     def _process_heating(self, index: int, command: LintCommand) -> None:
         """Process a nozzle target or a wait for it; with several tools, the last target applies to all."""
         target = _nozzle_target(command)
-        state = self._heat.current_state
+        state = self._heat.last_state
         if target is not None and target >= _MIN_EXTRUSION_TEMPERATURE:
             state = _HOT if state in {_HOT, _COOLING} else _HEATING
         elif target is not None and not self._names_tool(command):

@@ -166,6 +166,6 @@ def test_send_refuses_it_before_a_byte_is_sent(folder: Path) -> None:
 def test_what_is_not_sent_is_said_to_be_so_with_what_helps(folder: Path) -> None:
     has_roles = typed("send", "mushroom.gcode", "--to", "duet", "http://127.0.0.1:9", cwd=folder).err
 
-    assert "mushroom.gcode: not sent because of these errors" in has_roles
+    assert "mushroom.gcode: not sent: line " in has_roles
     assert "Rotate the part or add supports. Use --allow unsupported to print it anyway" in has_roles
     assert "--printer" not in has_roles
