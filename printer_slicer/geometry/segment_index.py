@@ -12,7 +12,7 @@ from printer_slicer.geometry.vectors import nearest_share
 
 __all__ = ["OutlineIndex", "SegmentIndex", "distance_to_segments"]
 
-_PAIRS_AT_ONCE = 1 << 18  # pairs of lines and segments per batch, to bound the memory
+_QUERIES_AT_ONCE = 1 << 12  # per batch, because each may touch the boxes of thousands of long segments
 
 
 class SegmentIndex:
@@ -72,11 +72,16 @@ class SegmentIndex:
         none = np.zeros(0, np.int64)
         if self._tree is None or not len(points):
             return none, none, np.zeros(0)
-        cell = self._cell_offset(layer)
-        point, segment = self._tree.query_boxes(points + cell - reach, points + cell + reach)
-        apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
-        near = apart <= reach
-        return point[near], segment[near], apart[near]
+        moved = points + self._cell_offset(layer)
+        found = []
+        for first in range(0, len(points), _QUERIES_AT_ONCE):
+            some = moved[first : first + _QUERIES_AT_ONCE]
+            point, segment = self._tree.query_boxes(some - reach, some + reach)
+            point += first
+            apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
+            near = apart <= reach
+            found.append((point[near], segment[near], apart[near]))
+        return _concatenate_columns(found)
 
     def find_crossings(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
         """Find where lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,), unordered.
@@ -90,20 +95,20 @@ class SegmentIndex:
         if self._tree is None or not len(begin):
             return none, none, np.zeros(0)
         cell = self._cell_offset(layer)
-        line, segment = self._tree.query_boxes(begin + cell, end + cell)
         found = []
-        for some in np.array_split(np.arange(len(line)), len(line) // _PAIRS_AT_ONCE + 1):
-            one, other = line[some], segment[some]
+        for first in range(0, len(begin), _QUERIES_AT_ONCE):
+            some = slice(first, first + _QUERIES_AT_ONCE)
+            line, segment = self._tree.query_boxes(begin[some] + cell[some], end[some] + cell[some])
+            line += first
             share = crossing_shares(
-                begin.take(one, axis=0),
-                end.take(one, axis=0),
-                self._begin.take(other, axis=0),
-                self._end.take(other, axis=0),
+                begin.take(line, axis=0),
+                end.take(line, axis=0),
+                self._begin.take(segment, axis=0),
+                self._end.take(segment, axis=0),
             )
             cross = ~np.isnan(share)
-            found.append((one[cross], other[cross], share[cross]))
-        lines, segments, shares = zip(*found, strict=True)
-        return np.concatenate(lines), np.concatenate(segments), np.concatenate(shares)
+            found.append((line[cross], segment[cross], share[cross]))
+        return _concatenate_columns(found)
 
     def count_crossings(self, begin: Float, end: Float, layer: Int) -> Int:
         """Count how often (P,) lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,)."""
@@ -136,6 +141,12 @@ class OutlineIndex(SegmentIndex):
         left = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
         crossed = (rising & (left > 0)) | (falling & (left < 0))
         return np.asarray(np.bincount(point[crossed], minlength=len(points)) % 2 == 1)
+
+
+def _concatenate_columns(found: list[tuple[Int, Int, Float]]) -> tuple[Int, Int, Float]:
+    """Concatenate the arrays of several batches, column by column."""
+    one, other, number = zip(*found, strict=True)
+    return np.concatenate(one), np.concatenate(other), np.concatenate(number)
 
 
 def distance_to_segments(points: Float, begin: Float, end: Float) -> Float:

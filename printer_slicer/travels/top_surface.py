@@ -15,6 +15,7 @@ from printer_slicer.values import Struct
 __all__ = ["crosses_top_infill"]
 
 _STEP = 0.5  # of the extrusion width: sampling distance along travels
+_SAMPLES_AT_ONCE = 200_000  # so that memory does not grow with the length of the travels
 _OWN = 1.0  # of the extrusion width: within this distance of its ends a travel may lie on the lines that it joins
 
 
@@ -67,13 +68,18 @@ def _mark_travels_over_paths(paths: Toolpaths, leads_to: Int, travel: Int, over:
 
 def _find_travels_on_lines(visible: _VisibleLines, routes: Routes) -> tuple[Int, Int]:
     """Find travels that run along a visible line; return pairs of a travel (X,) and a line (X,)."""
-    widest, narrowest = float(visible.width.max()), float(visible.width.min())
-    travel, xy, left = _sample_travels(routes, _STEP * narrowest)
-    inner = left > _OWN * widest
-    travel, xy = travel[inner], xy[inner]
-    point, line, apart = visible.lines.find_within(xy, routes.layer[travel], widest / 2)
-    on = apart < visible.width[line] / 2
-    return travel[point[on]], line[on]
+    widest, step = float(visible.width.max()), _STEP * float(visible.width.min())
+    batch = (np.cumsum(routes.length() / step) // _SAMPLES_AT_ONCE).astype(np.int64)
+    found = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+    for some in np.split(np.arange(len(batch)), np.flatnonzero(np.diff(batch)) + 1):
+        travel, xy, left = _sample_travels(routes.take(some), step)
+        inner = left > _OWN * widest
+        travel, xy = some[travel[inner]], xy[inner]
+        point, line, apart = visible.lines.find_within(xy, routes.layer[travel], widest / 2)
+        on = apart < visible.width[line] / 2
+        found.append((travel[point[on]], line[on]))
+    travels, lines = zip(*found, strict=True)
+    return np.concatenate(travels), np.concatenate(lines)
 
 
 def _sample_travels(routes: Routes, step: float) -> tuple[Int, Float, Float]:
