@@ -1,0 +1,95 @@
+"""The compiled kernel: a C++ module for the slowest steps, which an installation has if a compiler was there.
+
+Without it, Python code computes the same results. kernel/kernel.cpp is the source, and hatch_build.py compiles it. If
+PRINTER_SLICER_KERNEL is `off`, the kernel is neither compiled nor used.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from printer_slicer.errors import UsageError
+
+__all__ = ["VARIABLE", "Kernel", "describe_kernel", "load_kernel"]
+
+VARIABLE: Final = "PRINTER_SLICER_KERNEL"
+_INTERFACE: Final = 1  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
+
+
+class Kernel(Protocol):
+    """Functions of the kernel. Arguments and results are arrays of int64 or float64 as bytes, in native order."""
+
+    def voronoi_diagrams(
+        self, sides: memoryview, counts: memoryview, /
+    ) -> tuple[bytes, bytes, bytes, bytes, bytes, bytes]:
+        """Compute segment Voronoi diagrams; see `printer_slicer.geometry.voronoi_diagram`.
+
+        Args:
+            sides: (S, 4) int64, x and y of start and end of each side, 32 bits each.
+            counts: (A,) int64, number of sides of each area; at least one.
+
+        Returns:
+            The arrays of `RawDiagrams`.
+
+        Raises:
+            ValueError: the numbers of sides do not match, a coordinate has more than 32 bits, or sides cross.
+        """
+
+
+def load_kernel() -> Kernel | None:
+    """Return the kernel; None without one, and if PRINTER_SLICER_KERNEL is `off`.
+
+    Raises:
+        UsageError: PRINTER_SLICER_KERNEL has another value, or is `required` and there is no kernel.
+    """
+    wanted = os.environ.get(VARIABLE, "")
+    if wanted == "off":
+        return None
+    if wanted not in {"", "required"}:
+        raise UsageError(f"unknown value {wanted!r} of {VARIABLE}", remedy="Use off or required, or unset it")
+    kernel, reason = _import_kernel()
+    if wanted and kernel is None:
+        raise UsageError(
+            f"{VARIABLE} is {wanted}, but there is no compiled kernel: {reason}",
+            remedy="Unset it, or install a C++ compiler and then this program again",
+        )
+    return kernel
+
+
+def describe_kernel() -> str:
+    """Return `yes`, or `no` and the reason.
+
+    Raises:
+        UsageError: as for `load_kernel`.
+    """
+    if load_kernel():
+        return "yes"
+    reason = f"{VARIABLE} is off" if os.environ.get(VARIABLE) else _import_kernel()[1]
+    return f"no ({reason})"
+
+
+@cache
+def _import_kernel() -> tuple[Kernel | None, str]:
+    """Import the kernel; without one, return the reason."""
+    try:
+        module: Any = import_module(f"{__package__}._kernel")
+    except ModuleNotFoundError:
+        return None, _read_reason()
+    except ImportError as error:
+        return None, f"it cannot be loaded: {error}"
+    if module.INTERFACE != _INTERFACE:
+        return None, "it belongs to another version: install this program again"
+    return module, ""
+
+
+def _read_reason() -> str:
+    """Return the reason for which the installation has no kernel."""
+    try:
+        return _REASON.read_text(encoding="utf-8").strip()
+    except OSError:
+        return "not compiled when installed"
