@@ -43,6 +43,8 @@ ENVIRONMENT: Final[Mapping[str, str]] = {
     "PRINTER_SLICER_STATE": "folder with the state of prints, from which they are resumed; default: the usual folder"
     " of your platform",
     "PRINTER_SLICER_GEOMETRY": "set it to `planar` to use the second, slower geometry engine, for comparison",
+    "PRINTER_SLICER_KERNEL": "set it to `off` to use no compiled kernel, or to `required` to get an error if there is"
+    " none; when this program is installed, too",
     "PRINTER_SLICER_TRACEBACK": "set it to 1 to print a traceback for internal errors",
 }
 EXIT_CODES: Final[Mapping[str, str]] = {

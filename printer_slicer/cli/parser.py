@@ -240,8 +240,11 @@ class _TopParser(_Parser):
 
 
 class _VersionAction(argparse.Action):
-    """Action of --version: prints the version and exits."""
+    """Action of --version: prints the version, and whether the compiled kernel is used, and exits."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from printer_slicer.kernel import describe_kernel
+
         print(f"printer-slicer {VERSION}")
+        print(f"compiled kernel: {describe_kernel()}")
         parser.exit()

@@ -1,7 +1,8 @@
 """Segment Voronoi diagrams of the outlines of many areas, as arrays.
 
-Boost.Polygon computes them through pyvoronoi, on the integer grid that areas are rounded to, so that no point of an
-outline moves. Each area has its own diagram: many small diagrams take less time than a large one.
+Boost.Polygon computes them on the integer grid that areas are rounded to, so that no point of an outline moves. Each
+area has its own diagram: many small diagrams take less time than a large one. The compiled kernel computes all of them
+in one call; without it, pyvoronoi computes one after the other, with the same result.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring, run_starts
 from printer_slicer.geometry.polygons import STEPS_PER_MM
+from printer_slicer.kernel import Kernel, load_kernel
 from printer_slicer.values import Struct, field
 
 __all__ = ["Diagram", "compute_diagrams"]
@@ -66,24 +68,17 @@ def compute_diagrams(ends: Float, area: Int) -> Diagram:
         np.rint((ends - np.repeat(middle, n_sides, axis=0)[:, None]) * STEPS_PER_MM).astype(np.int64)
         + _CENTER_OFFSET
     )
-    raw = _RawDiagrams()
-    with _without_garbage_collection():
-        sizes = [
-            raw.append(_build_diagram(steps[first : first + count].tolist()))
-            for first, count in zip(starts.tolist(), n_sides.tolist(), strict=True)
-        ]
-    n_edges, n_cells, n_vertices = np.array(sizes).T
-    around = np.frombuffer(raw.around, np.int64) + np.repeat(_sum_earlier(n_edges), n_edges)
-    count = np.frombuffer(raw.counts, np.int64)
-    begins = np.delete(np.frombuffer(raw.begins, np.int64), np.cumsum(count + 1) - 1)
-    begins = np.where(begins < 0, -1, begins + np.repeat(_sum_earlier(n_vertices), n_edges))
+    kernel = load_kernel()
+    raw = _read_library(steps, n_sides) if kernel is None else _read_kernel(kernel, steps, n_sides)
+    n_edges, n_cells, n_vertices = raw.sizes.T
+    around = raw.around + np.repeat(_sum_earlier(n_edges), n_edges)
+    begins = np.where(raw.begins < 0, -1, raw.begins + np.repeat(_sum_earlier(n_vertices), n_edges))
     start, cell, after = np.zeros((3, len(around)), np.int64)
     start[around] = begins
-    cell[around] = np.repeat(np.arange(len(count)), count)
-    after[around] = around[next_in_ring(np.append(0, np.cumsum(count)))]
-    sites = np.frombuffer(raw.sites, np.int64).reshape(-1, 2)
-    side, place = sites[:, 0] + np.repeat(starts, n_cells), sites[:, 1]
-    vertex = (np.frombuffer(raw.vertices).reshape(-1, 2) - _CENTER_OFFSET) / STEPS_PER_MM
+    cell[around] = np.repeat(np.arange(len(raw.counts)), raw.counts)
+    after[around] = around[next_in_ring(np.append(0, np.cumsum(raw.counts)))]
+    side, place = raw.sites[:, 0] + np.repeat(starts, n_cells), raw.sites[:, 1]
+    vertex = (raw.vertices - _CENTER_OFFSET) / STEPS_PER_MM
     return Diagram(
         vertex + np.repeat(middle, n_vertices, axis=0),
         start,
@@ -119,6 +114,68 @@ def _sum_earlier(size: Int) -> Int:
     return np.asarray(np.cumsum(size) - size)
 
 
+class _RawDiagrams(Struct, frozen=True, eq=False):
+    """Diagrams of Boost, with separate numbering for each area.
+
+    All data comes from the cells: each knows its edges and their start vertices. Twin edges have consecutive numbers.
+
+    Attributes:
+        around: (E,) the edges of each cell, one cell after the other.
+        begins: (E,) start vertex of each of these edges, -1 at infinity.
+        counts: (C,) number of edges of each cell.
+        sites: (C, 2) side and place of each cell; see `Diagram`.
+        vertices: (V, 2) grid steps.
+        sizes: (A, 3) number of edges, cells and vertices of each area.
+    """
+
+    around: Int
+    begins: Int
+    counts: Int
+    sites: Int
+    vertices: Float
+    sizes: Int
+
+
+def _read_kernel(kernel: Kernel, steps: Int, n_sides: Int) -> _RawDiagrams:
+    """Compute diagrams with the compiled kernel.
+
+    Args:
+        kernel: the compiled kernel.
+        steps: (S, 2, 2) ends of the sides.
+        n_sides: (A,) number of sides of each area.
+    """
+    around, begins, counts, sites, vertices, sizes = kernel.voronoi_diagrams(
+        np.ascontiguousarray(steps).data, np.ascontiguousarray(n_sides).data
+    )
+    return _RawDiagrams(
+        np.frombuffer(around, np.int64),
+        np.frombuffer(begins, np.int64),
+        np.frombuffer(counts, np.int64),
+        np.frombuffer(sites, np.int64).reshape(-1, 2),
+        np.frombuffer(vertices).reshape(-1, 2),
+        np.frombuffer(sizes, np.int64).reshape(-1, 3),
+    )
+
+
+def _read_library(steps: Int, n_sides: Int) -> _RawDiagrams:
+    """Compute diagrams with pyvoronoi; arguments as for `_read_kernel`."""
+    collected = _CollectedDiagrams()
+    with _without_garbage_collection():
+        sizes = [
+            collected.append(_build_diagram(sides.tolist()))
+            for sides in np.split(steps, np.cumsum(n_sides[:-1]))
+        ]
+    counts = np.frombuffer(collected.counts, np.int64)
+    return _RawDiagrams(
+        np.frombuffer(collected.around, np.int64),
+        np.delete(np.frombuffer(collected.begins, np.int64), np.cumsum(counts + 1) - 1),
+        counts,
+        np.frombuffer(collected.sites, np.int64).reshape(-1, 2),
+        np.frombuffer(collected.vertices).reshape(-1, 2),
+        np.array(sizes),
+    )
+
+
 @contextmanager
 def _without_garbage_collection() -> Iterator[None]:
     """Disable the garbage collector, which many thousands of new objects would start again and again."""
@@ -142,18 +199,10 @@ def _build_diagram(sides: list[list[list[int]]]) -> Any:
     return builder
 
 
-class _RawDiagrams(Struct, frozen=True):
-    """Collected diagrams of the library, with separate numbering for each area.
+class _CollectedDiagrams(Struct, frozen=True):
+    """Collected diagrams of the library, as numbers one after the other; see `_RawDiagrams`.
 
-    All data comes from the cells: each knows its edges and their start vertices. Twin edges have consecutive numbers.
-
-    Attributes:
-        around: the edges of each cell, one cell after the other.
-        begins: start vertex of each of these edges, -1 at infinity; after the last edge of each cell, that of its first
-            edge again.
-        counts: number of edges of each cell.
-        sites: side and place of each cell; see `Diagram`.
-        vertices: x and y of each vertex.
+    After the last edge of each cell, `begins` holds the start vertex of its first edge again.
     """
 
     around: array[int] = field(default_factory=lambda: array("q"))
