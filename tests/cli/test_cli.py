@@ -158,7 +158,7 @@ def test_the_version_is_said() -> None:
     outcome = typed("--version")
 
     assert (outcome.code, outcome.err) == (0, "")
-    assert re.fullmatch(r"printer-slicer \d+\.\d+\.\d+\S*\n", outcome.out)
+    assert re.fullmatch(r"printer-slicer \d+\.\d+\.\d+\S*\ncompiled kernel: (yes|no \(.+\))\n", outcome.out)
 
 
 def test_the_program_can_be_called_as_a_module(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ import pytest
 import pyvoronoi
 
 from printer_slicer.geometry.voronoi_diagram import compute_diagrams
+from printer_slicer.kernel import VARIABLE
+from tests.kernels import needs_kernel
 
 _STAR = [(0.0, 0.0), (5.0, 0.0), (5.0, 1.5), (2.5, 1.0), (0.0, 2.5)]
 _TOUCHING = [(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (2.0, 2.0), (0.0, 2.0), (1.0, 1.0)]  # in one corner
@@ -15,6 +17,12 @@ _CASES = {
     "a ring that touches itself": _TOUCHING,
     "many sides": [(3 * np.cos(a) + 0.3 * np.cos(7 * a), 2 * np.sin(a)) for a in np.arange(0, 6.28, 0.1)],
 }
+
+
+@pytest.fixture(autouse=True, params=["off", pytest.param("required", marks=needs_kernel)])
+def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All tests run with and without the compiled kernel."""
+    monkeypatch.setenv(VARIABLE, request.param)
 
 
 def _sides(points: list[tuple[float, float]]) -> np.ndarray:
