@@ -36,13 +36,13 @@ portable *ARGS:
 random *ARGS:
     python -m pytest {{workers}} -m hypothesis --hypothesis-profile thorough {{ARGS}}
 
-# what the engine decides once more, with the shapely engine: operations, regions, walls, solid infill, whole slices
+# what the engine decides once more, with the shapely engine and without the compiled kernel: operations, regions, walls, solid infill, whole slices
 twin:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
+    PRINTER_SLICER_GEOMETRY=planar PRINTER_SLICER_KERNEL=off python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
 
-# the geometry and everything that stands on it once more, with the shapely engine: every case, many examples
+# the geometry and everything that stands on it once more, with the shapely engine and without the compiled kernel: every case, many examples
 twin-all *ARGS:
-    PRINTER_SLICER_GEOMETRY=planar python -m pytest {{workers}} -m "" --hypothesis-profile thorough {{ARGS}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
+    PRINTER_SLICER_GEOMETRY=planar PRINTER_SLICER_KERNEL=off python -m pytest {{workers}} -m "" --hypothesis-profile thorough {{ARGS}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill tests/adhesion tests/torture
 
 # what stands on libraries once more, with the oldest versions of them that pyproject.toml allows
 lowest:
@@ -62,7 +62,7 @@ cover:
 bench *ARGS:
     python benchmarks/compare.py {{ARGS}}
 
-# wheel and sdist in fresh environments of every Python that is found
+# wheel and sdist in fresh environments of every Python that is found, with and without a C++ compiler
 install *ARGS:
     python benchmarks/installing.py {{ARGS}}
 

@@ -4,7 +4,8 @@
 
 Both are built from the files in git. Then, for every supported version of Python, the wheel is installed in a new
 environment without access to the checkout, and the first command of the README runs on parts in another folder. The
-sdist is installed with one of these versions. The output is a table; the exit code is 0 if everything succeeded.
+sdist is installed with one of these versions, and once more where no C++ compiler is found. The output is a table; the
+exit code is 0 if everything succeeded.
 """
 
 from __future__ import annotations
@@ -15,13 +16,19 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 ROOT = Path(__file__).parents[1]
 MOST = 2 << 20  # largest size of a wheel, bytes
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
-PLAIN = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+PLAIN = {
+    name: value
+    for name, value in os.environ.items()
+    if not name.startswith("PYTHON") and name != "PRINTER_SLICER_KERNEL"
+}
+NO_COMPILER = {"CC": "no-compiler", "CXX": "no-compiler"}
 
 
 def find_pythons() -> Iterator[Path]:
@@ -43,10 +50,12 @@ def read_stdout(*command: object, cwd: Path | None = None) -> str:
     return done.stdout if done.returncode == 0 else ""
 
 
-def run(*command: object, cwd: Path) -> str:
-    """Run a command and return its stdout; exit with an error if it fails."""
+def run(*command: object, cwd: Path, variables: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Run a command, with more environment variables, and return its stdout; exit with an error if it fails."""
     words = [str(one) for one in command]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=cwd, env=PLAIN, check=False)
+    done = subprocess.run(
+        words, capture_output=True, text=True, cwd=cwd, env={**PLAIN, **variables}, check=False
+    )
     if done.returncode:
         sys.exit(f"{' '.join(map(str, command))}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -77,18 +86,22 @@ def first_command() -> list[str]:
     return found[1].split()
 
 
-def try_package(python: Path, package: Path, folder: Path) -> str:
-    """Install a package under a Python, run it, and return the last line of its output."""
-    home = folder / f"{python.name}-{package.suffix.strip('.')}"
+def try_package(python: Path, package: Path, folder: Path, *, compiler: bool = True) -> str:
+    """Install a package under a Python, run it, and return a line of its output, and whether it has the kernel."""
+    home = folder / f"{python.name}-{package.suffix.strip('.')}-{compiler}"
     run(python, "-m", "venv", home, cwd=folder)
     inside = home / "bin"
-    run(inside / "python", "-m", "pip", "install", "--quiet", package, cwd=folder)
+    install = (inside / "python", "-m", "pip", "install", "--quiet", "--no-cache-dir", package)
+    run(*install, cwd=folder, variables={} if compiler else NO_COMPILER)
     shutil.copytree(ROOT / "sample_parts", home / "sample_parts")
     shown = run(inside / "printer-slicer", *first_command(), cwd=home)
     run(inside / "printer-slicer", "profiles", cwd=home)
     place = run(inside / "python", "-c", "import printer_slicer; print(printer_slicer.__file__)", cwd=home)
     assert Path(place.strip()).is_relative_to(home), place
-    return next(line for line in shown.splitlines() if line.startswith("executed")).partition("  ")[2].strip()
+    kernel = run(inside / "printer-slicer", "--version", cwd=home).splitlines()[1]
+    assert compiler or kernel == "compiled kernel: no (no C++ compiler when installed)", kernel
+    executed = next(line for line in shown.splitlines() if line.startswith("executed"))
+    return f"{executed.partition('  ')[2].strip()}  {kernel}"
 
 
 def main(chosen: Sequence[str]) -> int:
@@ -109,6 +122,8 @@ def main(chosen: Sequence[str]) -> int:
             f"{read_stdout(found[0], '--version').strip():<16}sdist  {try_package(found[0], sdist, folder)}",
             flush=True,
         )
+        alone = try_package(found[0], sdist, folder, compiler=False)
+        print(f"{read_stdout(found[0], '--version').strip():<16}sdist  {alone}", flush=True)
         small = wheel.stat().st_size < MOST
     if not small:
         print(f"the wheel is larger than {MOST >> 20} MiB")
