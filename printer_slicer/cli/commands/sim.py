@@ -101,7 +101,7 @@ def _add_server_options(parser: argparse.ArgumentParser) -> None:
         "--pty",
         metavar="LINK",
         type=Path,
-        help="symbolic link to the port; default: printer-slicer-sim",
+        help="link to the port; default: printer-slicer-sim",
     )
     where.add_argument(
         "--tcp",
