@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from printer_slicer.errors import ProfileError, UsageError
 
-__all__ = ["FileSettings", "find_profile_by_display_name", "read_gcode_settings", "read_loaded_files"]
+__all__ = ["FileSettings", "name_settings", "read_gcode_settings", "read_loaded_files"]
 
 _SEARCHED_BYTES: Final = 1 << 14  # at both ends of a file, where slicers name the machine
 _MACHINE: Final = re.compile(
@@ -150,7 +150,7 @@ def _find_named_machine(path: Path, folders: Sequence[Path]) -> FileSettings:
     except (OSError, ValueError):
         return FileSettings({}, ())  # reported when all of the file is read
     name = found[1].decode("utf-8", "replace").strip() if found else ""
-    profile = find_profile_by_display_name("printer", name, folders) if name else ""
+    profile = _find_profile_by_display_name("printer", name, folders) if name else ""
     if not profile:
         return FileSettings({}, (), name)
     return FileSettings(
@@ -158,7 +158,16 @@ def _find_named_machine(path: Path, folders: Sequence[Path]) -> FileSettings:
     )
 
 
-def find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+def name_settings(kind: str, values: Mapping[str, Any], folders: Sequence[Path] = ()) -> str:
+    """Return the name of the profile that has exactly these settings; if there is none, their display name."""
+    from printer_slicer.profile.inspection import has_settings
+
+    display_name = str(values.get("name", ""))
+    profile = _find_profile_by_display_name(kind, display_name, folders)
+    return profile if profile and has_settings(kind, profile, values, folders) else display_name
+
+
+def _find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
     """Return the name that selects the profile with a given display name; empty if there is no such profile."""
     from printer_slicer.profile import find_profile_paths
     from printer_slicer.profile.finding import read_display_name

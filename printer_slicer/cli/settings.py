@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.cli.file_settings import (
     FileSettings,
-    find_profile_by_display_name,
+    name_settings,
     read_gcode_settings,
     read_loaded_files,
 )
@@ -537,11 +537,7 @@ def _find_profile_sources(
         if name:
             sources[kind] = {"name": _resolve_profile_name(kind, name, folders), "from": f"--{kind}"}
         elif kind in own.values:
-            named = str(own.values[kind].get("name", ""))
-            sources[kind] = {
-                "name": find_profile_by_display_name(kind, named, folders) or named,
-                "from": own.source,
-            }
+            sources[kind] = {"name": name_settings(kind, own.values[kind], folders), "from": own.source}
         else:
             sources[kind] = {"name": DEFAULT_NAMES[kind], "from": "default"}
             if kind == "printer" and own.unknown:

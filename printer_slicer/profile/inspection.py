@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from printer_slicer.errors import ProfileError
 from printer_slicer.input_files import read_input
 from printer_slicer.profile.checks import Conflict, find_all_conflicts, find_planner_conflicts
 from printer_slicer.profile.conversion import SettingFault, convert_section, find_first_fault
@@ -26,6 +27,7 @@ __all__ = [
     "compare_settings",
     "find_faults",
     "find_setting_origins",
+    "has_settings",
     "make_profile_for_printer",
     "read_headline",
 ]
@@ -64,6 +66,15 @@ def compare_settings(
         for key in [*left, *(key for key in right if key not in left)]
     }
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def has_settings(kind: str, name: str, values: Mapping[str, Any], folders: Sequence[Path] = ()) -> bool:
+    """Return whether a profile, which may have faults, has exactly these settings; unset ones have their defaults."""
+    try:
+        known = convert_section(kind, read_chain(kind, name, folders))
+        return known == convert_section(kind, SettingsSource(values, {}, ""))
+    except ProfileError:
+        return False
 
 
 def find_faults(
