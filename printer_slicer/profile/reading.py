@@ -56,6 +56,10 @@ MAX_PATH: Final = 1000
 """Maximum length of a file name in bytes, and of a path in characters; systems allow 255 and a few thousand."""
 
 
+_OTHER_FORMATS: Final = (".ini", ".json", ".cfg", ".curaprofile", ".3mf", ".gcode")
+"""Suffixes of files in which other slicers, and G-code of this program, have settings."""
+
+
 class SettingsSource(NamedTuple):
     """Settings of one kind, and the places where they were set.
 
@@ -246,6 +250,7 @@ def find_profile_file(
         path = (seen[-1].parent if seen else Path()) / name
         if not path.is_file():
             raise _explain_missing_file(path, asked_by, f"{kind} ")
+        _check_format(path, asked_by)
         return path
     candidates = [folder / FOLDERS[kind] / f"{name}.toml" for folder in list_search_folders(folders)]
     try:
@@ -256,10 +261,26 @@ def find_profile_file(
         files = files[files.index(seen[-1]) + 1 :] or [seen[-1]]
     if files:
         return files[0]
+    if not seen:
+        _check_format(Path(name), asked_by)
     for path in candidates:
         if "\0" not in name and (path.is_dir() or path.is_symlink()):
             raise _explain_missing_file(path, asked_by)
     return _find_by_display_name(kind, name, folders, asked_by)
+
+
+def _check_format(path: Path, asked_by: str = "") -> None:
+    """Check that a path, which need not exist, is not a file with settings of another slicer.
+
+    Raises:
+        ProfileError: it is one, or a project or G-code.
+    """
+    if path.suffix.lower() in _OTHER_FORMATS and path.is_file():
+        raise ProfileError(
+            f"{asked_by}{path}: not a profile of this program, which is a .toml file",
+            remedy=f"To slice with the settings in it, use --load {path}; "
+            f"to convert them, `printer-slicer profiles import {path}`",
+        )
 
 
 def _describe_known_names(known: Collection[str]) -> str:
@@ -356,6 +377,7 @@ def _find_kind_of_file(path: Path, folders: Sequence[Path]) -> str:
             return kind
     if not path.is_file():
         raise _explain_missing_file(path)
+    _check_format(path)
     values = _read_toml(path)[1]
     parent = values.get("inherits")
     if isinstance(parent, str) and not (parent.endswith(".toml") or "/" in parent):
