@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["AT_THE_END", "IN_ORDER", "rank_match", "remove_nozzle", "split_name"]
+__all__ = ["AT_THE_END", "EXACT", "IN_ORDER", "rank_match", "remove_nozzle", "split_name"]
 
 _WORD: Final = re.compile(r"[^\W\d_]+|\d+")
 _NOZZLE: Final = re.compile(r",?\s*\(?\b\d+(?:\.\d+)?\s*(?:mm\s*)?nozzle\)?", re.IGNORECASE)
 
-_EXACT, AT_THE_END, _CONTAINS, IN_ORDER, _PREFIXES = range(5)
+EXACT, AT_THE_END, _CONTAINS, IN_ORDER, _PREFIXES = range(5)
 
 
 def split_name(text: str, *, with_nozzle: bool = False) -> list[str]:
@@ -38,7 +38,7 @@ def rank_match(typed: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
         words: words of the name.
 
     Returns:
-        The kind of match and the number of additional words in the name. The kinds, best first: all words are equal;
+        The kind of match and the number of additional words in the name. The kinds, best first: all words are equal (`EXACT`);
         the name ends with the typed words, after the maker for example (`AT_THE_END`); it contains them side by side;
         it contains them in this order (`IN_ORDER`); they are the beginnings of words in this order.
     """
@@ -46,7 +46,7 @@ def rank_match(typed: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
     if not typed or more < 0:
         return None
     if list(words) == list(typed):
-        return _EXACT, 0
+        return EXACT, 0
     starts = [i for i in range(more + 1) if list(words[i : i + size]) == list(typed)]
     if starts:
         return (AT_THE_END if starts[-1] == more else _CONTAINS), more

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from printer_slicer.name_search import AT_THE_END, IN_ORDER, rank_match, split_name
+from printer_slicer.name_search import AT_THE_END, EXACT, IN_ORDER, rank_match, split_name
 from printer_slicer.profile.folders import find_profile_paths, find_shipped_profiles
 
 __all__ = ["ProfileMatch", "find_profiles", "read_display_name", "suggest_profiles"]
@@ -17,6 +17,9 @@ _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 _MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
 _ALIASES: Final = re.compile(r"^aliases = \[([^\]]*)\]", re.MULTILINE)
 _IDENTICAL, _SAME_WORDS = -2, -1  # better than the kinds of `rank_match`, which ignore the nozzle
+_GENERIC: Final = re.compile(r"generic\s+", re.IGNORECASE)  # maker of materials in other slicers
+_EQUIVALENTS: Final = {"quality": {"fast": "draft", "speed": "draft", "normal": "standard", "detail": "fine"}}
+"""Words of other slicers -> names of shipped profiles, for suggestions only."""
 _LEAST_SIMILARITY: Final = 0.8  # minimum similarity of a suggestion, 0 to 1
 _MOST_SHOWN: Final = 5  # profiles in a message
 
@@ -63,8 +66,8 @@ def read_display_name(path: Path) -> str:
 def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[ProfileMatch]:
     """Return the profiles that match a text, the best match first.
 
-    If several names have all words of the text and no others, display names of the user's own profiles come
-    first, then shipped profiles, then file names of the user's own profiles.
+    If several names have all words of the text and no others except a nozzle, display names of the user's own
+    profiles come first, then shipped profiles, then file names of the user's own profiles.
 
     Args:
         kind: `printer`, `material` or `quality`.
@@ -72,6 +75,8 @@ def find_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> list[Pr
         folders: searched first.
     """
     known = {name: _read_names(path) for name, path in find_profile_paths(kind, folders).items()}
+    if kind == "material" and not any(_rank_profile(text, names) for names in known.values()):
+        text = _GENERIC.sub("", text)
     ranked = sorted((rank, name) for name, names in known.items() if (rank := _rank_profile(text, names)))
     ranks = [rank for rank, _ in ranked]
     is_only = len(ranks) == 1 and ranks[0][0] < IN_ORDER
@@ -93,7 +98,7 @@ def _rank_profile(text: str, names: _ProfileNames) -> tuple[int, int, int] | Non
     for name in names.list_all():
         if found := _rank_name(text, name):
             precedence = 1 if names.is_shipped else 2 if name == names.file_name else 0
-            ranks.append((found[0], precedence if found[0] <= _SAME_WORDS else 0, found[1]))
+            ranks.append((found[0], precedence if found[0] <= EXACT else 0, found[1]))
     return min(ranks, default=None)
 
 
@@ -104,7 +109,8 @@ def _rank_name(text: str, name: str) -> tuple[int, int] | None:
     words = split_name(text, with_nozzle=True)
     if words and words == split_name(name, with_nozzle=True):
         return _SAME_WORDS, 0
-    return rank_match(split_name(text), split_name(name))
+    before_at = name.partition("@")[0]  # after it, presets of OrcaSlicer name the printer that they are for
+    return rank_match(split_name(text), split_name(before_at))
 
 
 def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
@@ -115,19 +121,27 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
         shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
         more = " and more" if len(matches) > _MOST_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
-    query_words, paths = split_name(text), find_profile_paths(kind, folders)
+    paths = find_profile_paths(kind, folders)
+    if equivalent := _EQUIVALENTS.get(kind, {}).get(text.strip().casefold()):
+        return f"Did you mean {equivalent!r}?"
+    if contained := _find_contained_name(kind, split_name(text), paths):
+        return f"Similar printer: {contained!r}" if kind == "printer" else f"Did you mean {contained!r}?"
+    near = get_close_matches(text.lower(), paths, n=1, cutoff=_LEAST_SIMILARITY)
+    return f"Did you mean {near[0]!r}?" if near else ""
+
+
+def _find_contained_name(kind: str, typed: Sequence[str], paths: Mapping[str, Path]) -> str:
+    """Return the profile whose name has the most of the typed words; empty if there is none.
+
+    Printers must share at least two words, because single ones are names of makers.
+    """
     contained = [
         (len(words), name)
         for name, path in paths.items()
         for words in map(split_name, _read_names(path).list_all())
-        if len(words) > 1 and (rank := rank_match(words, query_words)) and rank[0] < IN_ORDER
+        if len(words) > (kind == "printer") and (rank := rank_match(words, typed)) and rank[0] < IN_ORDER
     ]
-    near = (
-        [max(contained)[1]]
-        if contained
-        else get_close_matches(text.lower(), paths, n=1, cutoff=_LEAST_SIMILARITY)
-    )
-    return f"Did you mean {near[0]!r}?" if near else ""
+    return max(contained, default=(0, ""))[1]
 
 
 def _read_names(path: Path) -> _ProfileNames:

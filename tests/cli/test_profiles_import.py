@@ -151,6 +151,7 @@ def test_the_users_own_printer_wins_among_equal_display_names(
     run(capsys, flat_file(tmp_path, printer_settings_id=V2), "-o", tmp_path)
 
     assert find_profile_file("printer", V2, [tmp_path]).is_relative_to(tmp_path)
+    assert find_profile_file("printer", f"{V2} (0.4 mm nozzle)", [tmp_path]).is_relative_to(tmp_path)
     assert find_profile_file("printer", "Ender 3 V2", [tmp_path]).stem == "creality_ender3_v2"
 
 

@@ -165,6 +165,40 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         find_profile_kind(str(tmp_path / "nowhere.toml"))
 
 
+def test_words_do_not_match_the_printer_that_a_quality_is_for(own: Path) -> None:
+    name = "0.20mm Standard @Creality Ender3V2"
+    written(own, "qualities/mine.toml", f'inherits = "standard"\nname = "{name}"\n')
+
+    assert find_profile_kind("Ender 3") == "printer"
+    assert find_profile_kind("ender") == "printer"
+    assert find_profile_file("quality", name).stem == "mine"
+
+
+@pytest.mark.parametrize(
+    ("typed", "name"),
+    [("Silk PLA", "pla_silk"), ("generic PLA", "pla"), ("Generic PETG", "petg"), ("nylon", "pa")],
+)
+def test_materials_are_found_by_their_usual_names(typed: str, name: str) -> None:
+    assert find_profile_file("material", typed).stem == name
+
+
+@pytest.mark.parametrize(
+    ("kind", "typed", "remedy"),
+    [
+        ("quality", "0.20mm Standard", "Did you mean 'standard'?"),
+        ("quality", "Fast", "Did you mean 'draft'?"),
+        ("material", "Prusament PLA", "Did you mean 'pla'?"),
+        ("printer", "Ender3 Max", "Similar printer: 'creality_ender3'"),
+        ("printer", "anycubic kobra 2", "Similar printer: 'anycubic_kobra'"),
+    ],
+)
+def test_unknown_names_get_a_suggestion(kind: str, typed: str, remedy: str) -> None:
+    with pytest.raises(ProfileError, match="unknown") as caught:
+        find_profile_file(kind, typed)
+
+    assert caught.value.remedy == remedy
+
+
 def test_names_that_no_file_can_have_are_unknown() -> None:
     with pytest.raises(ProfileError, match="unknown printer"):
         find_profile_file("printer", "a\0b")
