@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import isfinite
+from math import floor, isfinite
 from typing import Any, Final
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.importing.presets import Preset, Quantity, parse_quantity
 from printer_slicer.importing.prusaslicer_names import METADATA, find_setting_kind
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, ImportNote, UnsupportedSetting
+from printer_slicer.profile.profile import HIGHEST_BEAD
 from printer_slicer.values import Struct, field, replace
 
-__all__ = ["ONE_TOOL", "SUPPORTS_OFF", "Conversion"]
+__all__ = ["ONE_TOOL", "SUPPORTS_OFF", "Conversion", "find_highest_layer"]
 
 ONE_TOOL: Final = "only one tool is supported"
 SUPPORTS_OFF: Final = "supports are off"
@@ -59,6 +60,7 @@ class Conversion(Struct):
         label = self.preset.source_name(first)
         text = self.preset.read_raw(first or names[0]) if names else ""
         value = _round_number(value)
+        self.taken = [one for one in self.taken if (one.theirs, one.ours) != (label, ours)]
         self.taken.append(ConvertedSetting(label, text, ours, value, how, differs, tuple(names)))
 
     def copy_number(self, ours: str, theirs: str, how: str = "", *, differs: bool = False) -> float:
@@ -202,3 +204,12 @@ def _round_number(value: Any) -> Any:
         rounded = round(value, 6)
         return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
     return value
+
+
+def find_highest_layer(nozzle: float) -> float:
+    """Return the greatest layer height that a nozzle can print, mm, rounded down to 0.01 mm.
+
+    Args:
+        nozzle: its diameter, mm; 100 at most is used.
+    """
+    return floor(HIGHEST_BEAD * min(nozzle, 100.0) * 100 + 1e-6) / 100

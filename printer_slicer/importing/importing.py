@@ -252,12 +252,14 @@ def _find_companion_ranges(presets: Sequence[Preset], limits: TemperatureLimits)
     """Return the ranges of temperature and layer height in presets; ignore temperatures above the limits."""
     nozzle = _read_positive_numbers(presets, "material", ("temperature", "first_layer_temperature"))
     bed = _read_positive_numbers(presets, "material", ("bed_temperature", "first_layer_bed_temperature"))
-    heights = _read_positive_numbers(presets, "quality", ("layer_height", "first_layer_height"))
+    heights = _read_positive_numbers(presets, "quality", ("layer_height",))
+    first_heights = _read_positive_numbers(presets, "quality", ("first_layer_height",))
     return CompanionRanges(
         max((one for one in nozzle if one <= limits.nozzle), default=0.0),
         max((one for one in bed if one <= limits.bed), default=0.0),
-        min(heights, default=0.0),
+        min([*heights, *first_heights], default=0.0),
         max(heights, default=0.0),
+        max(first_heights, default=0.0),
     )
 
 

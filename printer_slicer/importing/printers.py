@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer.firmware import FIRMWARES
 from printer_slicer.importing.bed_shapes import BedRectangle, find_rectangle
-from printer_slicer.importing.conversion import ONE_TOOL, Conversion
+from printer_slicer.importing.conversion import ONE_TOOL, Conversion, find_highest_layer
 from printer_slicer.importing.machine_gcode import convert_macros
 from printer_slicer.importing.presets import Preset, parse_quantity
 from printer_slicer.importing.results import ImportedProfile
@@ -37,13 +37,15 @@ class CompanionRanges(NamedTuple):
 
     Attributes:
         nozzle, bed: highest temperatures, °C.
-        thinnest, thickest: layer heights, mm.
+        thinnest, thickest: layer heights, including first layers only in `thinnest`, mm.
+        thickest_first: greatest height of a first layer, mm.
     """
 
     nozzle: float = 0.0
     bed: float = 0.0
     thinnest: float = 0.0
     thickest: float = 0.0
+    thickest_first: float = 0.0
 
 
 def convert_printer(preset: Preset, companions: CompanionRanges) -> ImportedProfile:
@@ -200,12 +202,13 @@ def _widen_layer_limits(conversion: Conversion, nozzle: float, companions: Compa
             "min_layer_height",
             "the layer height of its print settings",
         )
-    if conversion.values["max_layer"] < companions.thickest <= HIGHEST_BEAD * nozzle + 1e-9:
+    highest = HIGHEST_BEAD * nozzle + 1e-9
+    thickest = companions.thickest if companions.thickest <= highest else 0.0
+    first = min(companions.thickest_first, find_highest_layer(nozzle))  # as the import of qualities lowers it
+    if conversion.values["max_layer"] < max(thickest, first):
+        what = "greatest layer height" if thickest >= first else "first layer height"
         conversion.put(
-            "max_layer",
-            companions.thickest,
-            "max_layer_height",
-            "the greatest layer height of its print settings",
+            "max_layer", max(thickest, first), "max_layer_height", f"the {what} of its print settings"
         )
 
 

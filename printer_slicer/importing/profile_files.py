@@ -45,10 +45,10 @@ def choose_file_names(profiles: Sequence[ImportedProfile], is_taken: IsTaken = _
     names = []
     for one in profiles:
         short = make_short_name(one.name) or one.kind
-        candidates = chain(
-            (short, _make_slug(_strip_folder(one.name), _LONGEST_NAME) or one.kind),
-            (f"{short}_{number}" for number in count(2)),
-        )
+        long = _make_slug(_USUAL_NOZZLE.sub("", _strip_folder(one.name)), _LONGEST_NAME) or one.kind
+        if is_taken(one.kind, short, one.name) and long == short:
+            short = f"{short}_imported"
+        candidates = chain((short, long), (f"{short}_{number}" for number in count(2)))
         name = next(
             each
             for each in candidates

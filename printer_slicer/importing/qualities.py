@@ -7,7 +7,7 @@ from typing import Final
 
 from printer_slicer import bead
 from printer_slicer.importing.conditions import evaluate_setting
-from printer_slicer.importing.conversion import ONE_TOOL, SUPPORTS_OFF, Conversion
+from printer_slicer.importing.conversion import ONE_TOOL, SUPPORTS_OFF, Conversion, find_highest_layer
 from printer_slicer.importing.object_overrides import add_object_overrides
 from printer_slicer.importing.presets import OFF_WORDS, ON_WORDS, Preset
 from printer_slicer.importing.results import ImportedProfile
@@ -154,6 +154,18 @@ def _find_nozzle(conversion: Conversion) -> tuple[float, str]:
         return (value, f"of the {value:g} mm nozzle it is for") if found else (0.4, "of a 0.4 mm nozzle")
 
 
+def _lower_first_layer(conversion: Conversion) -> None:
+    """Lower the first layer to what the nozzle can press onto the bed, if the printer is known."""
+    preset, first = conversion.preset, float(conversion.values["first_layer_height"])
+    if "nozzle_diameter" not in preset.context or "first_layer_height" in preset.typed:
+        return
+    nozzle, _ = _find_nozzle(conversion)
+    most = find_highest_layer(nozzle)
+    if 0 < most < first:
+        how = f"the nozzle of {nozzle:g} mm allows {most:g} mm; the source has {first:g} mm"
+        conversion.put("first_layer_height", most, "first_layer_height", how, differs=True)
+
+
 def _convert_layers(conversion: Conversion, height: float) -> None:
     """Convert the first layer height, the resolution, arcs, and the compensation of contours."""
     found = conversion.read_quantity("first_layer_height")
@@ -165,6 +177,7 @@ def _convert_layers(conversion: Conversion, height: float) -> None:
     first = found.resolve(nozzle) or height
     how = f"percentage {whose}" if found.is_percent else "" if found.value else "0 means layer_height"
     conversion.clamp("first_layer_height", first, 0, 1.6, "first_layer_height", how)
+    _lower_first_layer(conversion)
     resolution = conversion.preset.read_number("resolution") or conversion.preset.read_number(
         "gcode_resolution"
     )
