@@ -160,20 +160,30 @@ def test_the_name_of_an_imported_printer_has_other_words_than_a_shipped_one(
 ) -> None:
     run(capsys, flat_file(tmp_path, printer_settings_id=f"{V2} (0.4 mm nozzle)"))
 
-    assert [one.stem for one in (own / "printers").iterdir()] == ["creality_ender_3_v2_0_4_mm_nozzle"]
+    assert [one.stem for one in (own / "printers").iterdir()] == ["creality_ender_3_v2_imported"]
 
 
-def test_profiles_that_do_not_fit_together_are_shown_one_by_one(
+def test_profiles_that_do_not_fit_together_cause_a_warning_of_two_lines(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = flat_file(tmp_path, external_perimeter_extrusion_width="1.5")
     _, said, _ = run(capsys, path)
-    *_, problem, remedy, command = said.splitlines()
+    *_, problem, remedy = said.splitlines()
 
     assert problem.startswith("warning: the profiles do not fit together: ")
     assert "quality.external_perimeter_width: 1.5 mm" in problem
     assert remedy == "  Choose 0.24 to 1 mm"
-    assert main(shlex.split(command)[1:]) == 0
+
+
+def test_a_first_layer_that_is_too_high_for_the_nozzle_is_lowered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, said, _ = run(capsys, flat_file(tmp_path, first_layer_height=None))
+
+    assert "first_layer_height = 0.32 mm (the nozzle of 0.4 mm allows 0.32 mm; the source has 0.35 mm)" in said
+    assert "fit together" not in said
+    _, said, _ = run(capsys, tmp_path / "config.ini", "-v", "--dry-run")
+    assert said.count("-> first_layer_height = ") == 1
 
 
 def test_a_name_can_be_given(tmp_path: Path, own: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -196,7 +206,7 @@ def test_a_new_profile_hides_neither_a_shipped_one_nor_one_of_another_preset(
         assert run(capsys, flat_file(tmp_path, **changes))[0] == 0
 
     assert sorted(one.stem for one in (own / "qualities").iterdir()) == ["0_2mm_fine", "0_2mm_fine_b"]
-    assert [one.stem for one in (own / "materials").iterdir()] == ["pla_2"]
+    assert [one.stem for one in (own / "materials").iterdir()] == ["pla_imported"]
 
 
 def test_existing_files_are_overwritten_only_with_force(
@@ -263,15 +273,21 @@ def test_json_has_the_complete_report(tmp_path: Path, capsys: pytest.CaptureFixt
 
     assert code == 0
     assert [one["kind"] for one in facts["imported"]] == ["material", "quality"]
-    assert facts["refused"][0]["kind"] == "printer"
-    assert "machine_max_feedrate_x" in facts["refused"][0]["problem"]
-    assert {
-        "theirs": "perimeters",
-        "text": "4",
-        "ours": "quality.perimeters",
+    assert facts["rejected"][0]["kind"] == "printer"
+    assert "machine_max_feedrate_x" in facts["rejected"][0]["problem"]
+    current = {
+        "source_setting": "perimeters",
+        "source_value": "4",
+        "setting": "quality.perimeters",
         "value": 4,
-        "how": "",
-    } in facts["imported"][1]["taken"]
+        "conversion": "",
+    }
+    former = {"theirs": "perimeters", "text": "4", "ours": "quality.perimeters", "how": ""}
+    quality = facts["imported"][1]
+    assert {**current, **former} in quality["taken_over"]
+    assert facts["refused"] == facts["rejected"]
+    assert quality["taken"] == quality["taken_over"]
+    assert quality["no_counterpart"] == quality["without_equivalent"]
     assert not list(tmp_path.rglob("*.toml"))
 
 

@@ -36,6 +36,18 @@ EXAMPLES: Final = """\
 _MOST_DIFFERENCES: Final = 5
 _MOST_WARNINGS: Final = 3
 _MAX_DETAILED: Final = 3  # profiles; with more of them, only counts and warnings are printed
+_FORMER_KEYS: Final = {
+    "taken_over": "taken",
+    "without_equivalent": "no_counterpart",
+    "rejected": "refused",
+    "source_setting": "theirs",
+    "source_value": "text",
+    "setting": "ours",
+    "conversion": "how",
+    "reason": "why",
+    "not_applicable": "off",
+}
+"""Key of JSON -> its former name, which this release has as well."""
 _MACROS: Final = ("start_gcode", "before_layer_gcode", "layer_gcode", "pause_gcode", "end_gcode")
 
 
@@ -267,42 +279,60 @@ def _has_other_contents(path: Path, text: bytes) -> bool:
 
 
 def _report_facts(imported: Sequence[Any], paths: Sequence[Path], refused: Sequence[Any]) -> dict[str, Any]:
-    """Return the report of the import for JSON."""
+    """Return the report of the import for JSON, with the former names of renamed keys beside them."""
+    rejected = [
+        {
+            "kind": one.kind,
+            "name": one.name,
+            "source": one.source,
+            "problem": one.problem,
+            "remedy": one.remedy,
+        }
+        for one in refused
+    ]
+    profiles = [_report_profile(one, path) for one, path in zip(imported, paths, strict=True)]
+    return {"imported": profiles, **_add_former_keys({"rejected": rejected})}
+
+
+def _report_profile(one: ImportedProfile, path: Path) -> dict[str, Any]:
+    """Return the report of one imported profile for JSON."""
+    taken_over = [
+        {
+            "source_setting": each.theirs,
+            "source_value": each.text,
+            "setting": f"{one.kind}.{each.ours}",
+            "value": each.value,
+            "conversion": each.how,
+        }
+        for each in one.taken
+    ]
+    without_equivalent = [
+        {
+            "source_setting": each.theirs,
+            "source_value": each.text,
+            "reason": each.why,
+            "not_applicable": each.off,
+        }
+        for each in one.left
+    ]
     return {
-        "imported": [
+        "kind": one.kind,
+        "name": one.name,
+        "source": one.source,
+        "path": str(path),
+        **_add_former_keys(
             {
-                "kind": one.kind,
-                "name": one.name,
-                "source": one.source,
-                "path": str(path),
-                "taken": [
-                    {
-                        "theirs": t.theirs,
-                        "text": t.text,
-                        "ours": f"{one.kind}.{t.ours}",
-                        "value": t.value,
-                        "how": t.how,
-                    }
-                    for t in one.taken
-                ],
-                "no_counterpart": [
-                    {"theirs": t.theirs, "text": t.text, "why": t.why, "off": t.off} for t in one.left
-                ],
-                "warnings": [{"place": note.place, "text": note.text} for note in one.notes],
+                "taken_over": [_add_former_keys(each) for each in taken_over],
+                "without_equivalent": [_add_former_keys(each) for each in without_equivalent],
             }
-            for one, path in zip(imported, paths, strict=True)
-        ],
-        "refused": [
-            {
-                "kind": one.kind,
-                "name": one.name,
-                "source": one.source,
-                "problem": one.problem,
-                "remedy": one.remedy,
-            }
-            for one in refused
-        ],
+        ),
+        "warnings": [{"place": note.place, "text": note.text} for note in one.notes],
     }
+
+
+def _add_former_keys(facts: dict[str, Any]) -> dict[str, Any]:
+    """Return a JSON object with each renamed key also under its former name."""
+    return facts | {_FORMER_KEYS[key]: value for key, value in facts.items() if key in _FORMER_KEYS}
 
 
 def _format_report(
@@ -391,25 +421,22 @@ def _format_warnings(imported: Sequence[ImportedProfile], *, verbose: bool) -> I
 def _format_next_command(
     arguments: argparse.Namespace, imported: Sequence[ImportedProfile], paths: Sequence[Path]
 ) -> Iterator[str]:
-    """Yield a command that uses the new profiles, after a warning if they do not fit together."""
+    """Yield a command that uses the new profiles, or a warning if they do not fit together."""
     from printer_slicer.profile import load_profile
 
     names: dict[str, str] = {}
     for one, path in zip(imported, paths, strict=True):
         names.setdefault(one.kind, path.stem)
     folders = [arguments.out] if arguments.out else []
-    flags = [word for kind, name in names.items() for word in (f"--{kind}", name)]
-    command = ["profiles", "show"]
     try:
         load_profile(names.get("printer"), names.get("material"), names.get("quality"), folders=folders)
     except ProfileError as error:
         yield f"warning: the profiles do not fit together: {error.args[0]}"
         yield f"  {error.remedy}"
-        flags = list(next(iter(names.items())))
-    else:
-        command = ["slice", "MODEL"]
-        yield "to slice with them:"
-    words = ["printer-slicer", *command, *flags, *(f"--profiles={folder}" for folder in folders)]
+        return
+    flags = [word for kind, name in names.items() for word in (f"--{kind}", name)]
+    words = ["printer-slicer", "slice", "MODEL", *flags, *(f"--profiles={folder}" for folder in folders)]
+    yield "to slice with them:"
     yield f"  {shlex.join(words)}"
 
 
