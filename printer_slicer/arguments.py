@@ -30,12 +30,18 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "Sections": "Pass stages.sections of ps.slice_stages(mesh, profile)",
     "Strategies": "Pass your functions as ps.Strategies(planner=...)",
     "Surface": "Compute it with ps.read_surface(mesh)",
-    "bytes": 'Read it with pathlib.Path("part.gcode").read_bytes(), or pass job.text',
+    "bytes": 'Pass a file name, pathlib.Path("part.gcode").read_bytes(), or job.text',
     "list": "Pass a list, such as [mesh]",
     "int": "Pass a whole number, without quotes",
     "str": 'Pass text such as "part.stl"',
 }
 """Name of a type -> how to get a value of it."""
+_NAME_REMEDIES: Final[Mapping[str, str]] = {
+    "printer": 'Pass the name of a printer, such as "Ender 3"',
+    "material": 'Pass the name of a material, such as "petg"',
+    "quality": 'Pass the name of a quality, such as "standard"',
+}
+"""Argument that takes the name of a profile -> what to pass."""
 _WORDS: Final[Mapping[str, str]] = {
     "int": "whole number",
     "str": "file name or a name",
@@ -57,9 +63,10 @@ def check_argument(name: str, value: object, kinds: _Kinds) -> None:
     if isinstance(value, kinds) and not (isinstance(value, bool) and kinds is int):
         return
     kind = (kinds[0] if isinstance(kinds, tuple) else kinds).__name__
+    remedy = _REMEDIES.get(kind, "See the documentation of the function")
     raise UsageError(
         f"the argument `{name}` must be a {_WORDS.get(kind, kind)}, not {describe_type(value)}",
-        remedy=_REMEDIES.get(kind, "See the documentation of the function"),
+        remedy=_NAME_REMEDIES.get(name, remedy) if kind == "str" else remedy,
     )
 
 

@@ -11,6 +11,7 @@ from typing import Unpack
 from printer_slicer.adhesion import add_adhesion, place_on_raft
 from printer_slicer.arguments import check_arguments
 from printer_slicer.curves import fit_arcs
+from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
@@ -121,4 +122,9 @@ def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -
 
 def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:
     """Slice a part and return its moves; arguments and errors are those of `slice_stages`."""
+    if unknown := options.keys() - SliceOptions.__annotations__.keys():
+        raise UsageError(
+            f"{min(unknown)}: slice_part has no such argument",
+            remedy=f"Use one of {', '.join(SliceOptions.__annotations__)}; settings belong to the profile",
+        )
     return slice_stages(mesh, profile, **options).program

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import NoneType
 from typing import Any, Final
 
-from printer_slicer.arguments import PATH, check_arguments
+from printer_slicer.arguments import PATH, check_argument, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.importing.familiar import translate_changes
@@ -17,7 +18,7 @@ from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
-from printer_slicer.profile import Profile, load_profile
+from printer_slicer.profile import KINDS, Profile, load_profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import BUILT_IN, Strategies
@@ -26,6 +27,26 @@ from printer_slicer.values import replace
 
 __all__ = ["job_from", "job_of", "slice"]
 
+_PROFILE_REMEDY: Final = (
+    "With a Profile, use ps.job_of(mesh, profile), or ps.job_from(path, profile) for a file"
+)
+_BRIM_WIDTH: Final = 5  # mm, of `brim=True`, as --brim without a width
+_OPTION_SETTINGS: Final = {"walls": "perimeters", "brim": "brim_width", "first_layer": "first_layer_height"}
+"""Option of the command line -> the setting that it changes."""
+_TRANSFORM_REMEDY: Final = "Change the mesh first: ps.slice(ps.transform(mesh, scale=2, rotate=(90, 0, 0)))"
+_IMPORT_REMEDY: Final = "Import the file first (printer-slicer profiles import FILE), then pass printer=NAME"
+_OPTION_REMEDIES: Final[Mapping[str, str]] = {
+    "scale": _TRANSFORM_REMEDY,
+    "rotate": _TRANSFORM_REMEDY,
+    "copies": "Copy the mesh first: ps.slice(ps.join([mesh, mesh.moved((30, 0, 0))]))",
+    "center": "Use ps.job_of(mesh, profile, placement=ps.Placement(center=(100, 100)))",
+    "units": 'Load the mesh with its unit first: ps.slice(ps.load_mesh("part.stl", units="inch"))',
+    "load": _IMPORT_REMEDY,
+    "profile": "Name the printer, the material or the quality: ps.slice(mesh, printer=NAME)",
+    "output": 'Save the job: ps.slice("part.stl").save("part.gcode")',
+    "strict": "Use ps.job_of(mesh, profile, strict=True)",
+}
+"""Option of the command line that `slice` does not have -> what to do instead."""
 _ALWAYS_ALLOWED: Final = frozenset({"wait"})  # a pause in our own G-code is one that the settings ask for
 
 
@@ -113,8 +134,9 @@ def slice(  # noqa: A001 - called as ps.slice
         profiles: folders of profiles that are searched before the user's and the shipped ones.
         **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. A key
             in a table is written with two underscores, or with a dict: `speeds__travel=120`, `speeds={"travel": 120}`.
-            A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers. `notes` of the
-            job tell what settings of other slicers became; `find_settings` lists all settings.
+            A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers. Options of
+            the command line work too: `walls=3`, `infill="20%"`, `brim=5`, `first_layer=0.3`. `notes` of the job tell
+            what settings of other slicers became; `find_settings` lists all settings.
 
     Raises:
         UsageError: a file cannot be read, or a profile or a setting does not exist or is out of bounds.
@@ -124,11 +146,12 @@ def slice(  # noqa: A001 - called as ps.slice
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
     names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
+    _check_options({**names, **settings})
 
     def load(changes: Mapping[str, object] | None) -> Profile:
         return load_profile(**names, changes=changes, slices=False, folders=profiles)
 
-    changes, notes = translate_changes(dict(_flatten_settings(settings)), load)
+    changes, notes = translate_changes(dict(_flatten_settings(_rename_options(settings))), load)
     profile = load_profile(**names, changes=changes, folders=profiles)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
     return replace(job_of(part, profile, name=name), notes=notes)
@@ -152,6 +175,43 @@ def _check_model_path(given: object) -> Path:
             remedy="Read it with ps.job_from(path, profile)",
         )
     return path
+
+
+def _check_options(options: Mapping[str, object]) -> None:
+    """Check that profiles are given by name, and that all other arguments are settings.
+
+    Raises:
+        UsageError: a profile is a value instead of a name, or an argument is an option of the command line that this
+            function does not have.
+    """
+    for name, value in options.items():
+        if isinstance(value, Profile):
+            raise UsageError(f"{name}: expected the name of a profile, not a Profile", remedy=_PROFILE_REMEDY)
+        if name in KINDS:
+            check_argument(name, value, (*PATH, NoneType))
+        if name in _OPTION_REMEDIES:
+            raise UsageError(f"{name}={value!r}: no such setting", remedy=_OPTION_REMEDIES[name])
+
+
+def _rename_options(settings: Mapping[str, object]) -> dict[str, object]:
+    """Replace options of the command line, such as `walls`, by the settings that they change.
+
+    Raises:
+        UsageError: an option and its setting are both given.
+    """
+    result: dict[str, object] = {}
+    for name, value in settings.items():
+        key = _OPTION_SETTINGS.get(name, name)
+        if name == "infill" and (not isinstance(value, str) or value.endswith("%")):
+            key = "infill_density"  # `infill` is also the setting of the pattern
+            if isinstance(value, int | float) and not isinstance(value, bool) and value > 1:
+                value = f"{value}%"  # noqa: PLW2901 - the value of the setting
+        if key == "brim_width" and isinstance(value, bool):
+            value = _BRIM_WIDTH if value else 0  # noqa: PLW2901 - the value of the setting
+        if key in result or (key != name and key in settings):
+            raise UsageError(f"{name} and {key} are the same setting", remedy="Remove one of them")
+        result[key] = value
+    return result
 
 
 def _flatten_settings(settings: Mapping[str, object], table: str = "") -> Iterator[tuple[str, object]]:

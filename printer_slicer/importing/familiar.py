@@ -208,9 +208,16 @@ def translate_changes(
     def load_own(own: Mapping[str, str]) -> Profile:
         return load({key: value for key, value in changes.items() if key in own})
 
+    def write(name: str, text: str) -> str:
+        """Write a setting as an argument of `slice`; other slicers write True as 1."""
+        value = changes.get(name)
+        return (
+            f"{name.replace('.', '__')}={value}" if isinstance(value, bool) else _format_argument(name, text)
+        )
+
     result: dict[str, object] = {}
     notes: list[str] = []
-    found = translate_settings(texts, load_own, _format_argument)
+    found = translate_settings(texts, load_own, write)
     for (key, value), one in zip(changes.items(), found, strict=True):
         result |= {key: value} if one is None else one.changes
         if one is not None and one.changes:
@@ -315,7 +322,7 @@ def _convert_foreign(
     foreign: Mapping[str, str], own: Collection[str], profile: Profile, write: Callable[[str, str], str]
 ) -> dict[str, FamiliarSetting]:
     """Convert settings of other slicers; leave out names that no slicer has."""
-    wanted = {name: text for name, text in foreign.items() if not _is_support_switched_off(name, text)}
+    wanted = {name: text for name, text in foreign.items() if not _is_support_switched_off(name, text, write)}
     slicers = _choose_slicers(wanted, own)
     for name, text in wanted.items():
         if not slicers[name]:
@@ -344,7 +351,7 @@ def _is_own(name: str, text: str) -> bool:
     return not (takes_percentage(name, "prusaslicer") if text.endswith("%") else has_equivalent(name))
 
 
-def _is_support_switched_off(name: str, text: str) -> bool:
+def _is_support_switched_off(name: str, text: str, write: Callable[[str, str], str]) -> bool:
     """Return whether a setting switches supports off.
 
     Raises:
@@ -355,7 +362,7 @@ def _is_support_switched_off(name: str, text: str) -> bool:
     if name in _SUPPORT_SWITCHES and text.strip().lower() in (*OFF_WORDS, "none", ""):
         return True
     raise ProfileError(
-        f"{name}={text}: supports are not available yet",
+        f"{write(name, text)}: supports are not available yet",
         remedy="Rotate the part so that nothing needs support, or add supports to the model",
     )
 

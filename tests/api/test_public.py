@@ -141,6 +141,12 @@ def test_slice_makes_the_job_of_a_file_with_a_printer_by_its_display_name() -> N
         ({"wall_loops": 4}, {"perimeters": 4}),
         ({"infill_sparse_density": 30}, {"infill_density": 0.3}),
         ({"support_material": False}, {}),
+        (
+            {"walls": 3, "infill": "20%", "brim": 4, "first_layer": 0.3},
+            {"perimeters": 3, "infill_density": 0.2, "brim_width": 4, "first_layer_height": 0.3},
+        ),
+        ({"infill": 20, "brim": True}, {"infill_density": 0.2, "brim_width": 5}),
+        ({"infill": "grid", "brim": False}, {"infill": "grid", "brim_width": 0}),
         ({"layer_height": 0.1, "top_solid_layers": 5}, {"layer_height": 0.1, "top_thickness": 0.5}),
     ],
     ids=str,
@@ -201,7 +207,16 @@ def test_a_profile_takes_changes_by_familiar_names() -> None:
     ("given", "said", "remedy"),
     [
         ({"travel_speed": "50%"}, "travel_speed takes no percentage", "without %"),
-        ({"walls": 3}, "walls=3: no such setting", "Did you mean perimeters=3?"),
+        ({"shells": 3}, "shells=3: no such setting", "Did you mean perimeters=3?"),
+        ({"walls": 3, "perimeters": 4}, "walls and perimeters are the same setting", "Remove one"),
+        ({"copies": 4}, "copies=4: no such setting", "ps.join"),
+        ({"scale": 2}, "scale=2: no such setting", "ps.transform"),
+        ({"load": "config.ini"}, "load='config.ini': no such setting", "profiles import"),
+        ({"printer": PROFILE}, "printer: expected the name of a profile", "ps.job_of(mesh, profile)"),
+        ({"profile": PROFILE}, "profile: expected the name of a profile", "ps.job_of(mesh, profile)"),
+        ({"profile": "standard"}, "profile='standard': no such setting", "printer=NAME"),
+        ({"material": 3}, "the argument `material` must be", 'such as "petg"'),
+        ({"supports": True}, "supports=True: supports are not available", "Rotate the part"),
         ({"speed": 50}, "speed=50: no such setting", "Did you mean speeds__perimeter=50?"),
         ({"infill_percentage": 20}, "no such setting", "Did you mean infill_density='20%'?"),
         ({"enable_support": True}, "supports are not available yet", "Rotate the part"),
@@ -232,6 +247,41 @@ def test_slice_rejects_what_is_no_model(given: Any, said: str, remedy: str) -> N
         ps.slice(given)
 
     assert remedy in caught.value.remedy
+
+
+def test_the_remedy_for_several_copies_works() -> None:
+    copies = ps.join([BOX, BOX.moved((30, 0, 0))])
+
+    assert len(ps.slice(copies).plan.top) == len(ps.slice(BOX).plan.top)  # type: ignore[union-attr]
+
+
+def test_a_misspelt_option_of_slice_part_is_named_with_the_options() -> None:
+    with pytest.raises(ps.PrinterSlicerError, match="choices: slice_part has no such argument") as caught:
+        ps.slice_part(BOX, PROFILE, choices=None)  # type: ignore[call-arg]
+
+    assert "strategies" in caught.value.remedy
+
+
+def test_dry_run_and_check_read_files(tmp_path: Path) -> None:
+    path, other, model = tmp_path / "box.gcode", tmp_path / "other.gcode", tmp_path / "box.stl"
+    job = ps.slice(BOX, printer="Ender 3")
+    job.save(path)
+    ps.export_stl(BOX, model)
+    other.write_text("G28\nG1 X5\n")
+
+    assert ps.dry_run(path).ok
+    assert ps.dry_run(path).total_seconds == ps.dry_run(job).total_seconds
+    assert ps.dry_run(str(other), PROFILE).job == "other.gcode"
+    assert ps.check_gcode(path, model).ok
+    assert ps.check_gcode(str(path), BOX).name == "box.gcode"
+    for given, said, remedy in (
+        (other, "contains no settings", "ps.load_profile"),
+        ("part.stl", "is not G-code", "ps.slice"),
+        ("missing.gcode", "no such file", "Check the path"),
+    ):
+        with pytest.raises(ps.PrinterSlicerError, match=said) as caught:
+            ps.dry_run(given)
+        assert remedy in caught.value.remedy
 
 
 def test_a_job_is_printed_with_its_own_profile() -> None:
@@ -456,7 +506,7 @@ def test_what_makes_no_sense_is_told_with_a_remedy(give: Callable[[], object], s
 
 
 WRONG_ARGUMENTS: Final[list[tuple[str, str, Callable[[], object]]]] = [
-    ("job", "ps.job_from", lambda: ps.dry_run("half.gcode")),  # type: ignore[arg-type]
+    ("job", "ps.job_from", lambda: ps.dry_run(7)),  # type: ignore[arg-type]
     ("job", "ps.job_from", lambda: ps.print_job("half.gcode", None, "/dev/x")),  # type: ignore[arg-type]
     ("port", "text", lambda: ps.print_job(ps.job_of(STAGES, PROFILE), None, 7)),  # type: ignore[arg-type]
     ("profile", "ps.load_profile", lambda: ps.dry_run(ps.slice(BOX), "ender3")),  # type: ignore[arg-type]
@@ -474,13 +524,13 @@ WRONG_ARGUMENTS: Final[list[tuple[str, str, Callable[[], object]]]] = [
     ("meshes", "[mesh]", lambda: ps.join(BOX)),  # type: ignore[arg-type]
     ("meshes", "ps.load_mesh", lambda: ps.join(["part.stl"])),  # type: ignore[list-item]
     ("surface", "ps.read_surface", lambda: ps.certify(BOX, STAGES.plan)),  # type: ignore[arg-type]
-    ("text", "read_bytes", lambda: ps.check_gcode("part.gcode", BOX)),  # type: ignore[arg-type]
+    ("text", "read_bytes", lambda: ps.check_gcode(7, BOX)),  # type: ignore[arg-type]
     ("program", "stages.program", lambda: ps.gcode_of(STAGES, PROFILE)),  # type: ignore[arg-type]
     ("program", "stages.program", lambda: ps.move_seconds(STAGES, PROFILE)),  # type: ignore[arg-type]
     ("path", "part.stl", lambda: ps.load_mesh(7)),  # type: ignore[arg-type]
     ("path", "part.stl", lambda: ps.export_stl(BOX, 7)),  # type: ignore[arg-type]
-    ("printer", "text", lambda: ps.load_profile(7)),  # type: ignore[arg-type]
-    ("printer", "text", lambda: ps.slice(BOX, printer=7)),  # type: ignore[arg-type]
+    ("printer", "Ender 3", lambda: ps.load_profile(7)),  # type: ignore[arg-type]
+    ("printer", "Ender 3", lambda: ps.slice(BOX, printer=7)),  # type: ignore[arg-type]
     ("folders", "list of folders", lambda: ps.slice(BOX, profiles="mine")),
     ("profile", "ps.load_profile", lambda: ps.profile_with("ender3", {})),  # type: ignore[arg-type]
     ("changes", "layer_height", lambda: ps.profile_with(PROFILE, [1])),  # type: ignore[arg-type]

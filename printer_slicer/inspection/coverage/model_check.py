@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from printer_slicer.arguments import check_arguments
+from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.arrays import Bool
-from printer_slicer.commands import reject_binary_gcode
+from printer_slicer.commands import read_text, reject_binary_gcode
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, difference, offset_open
+from printer_slicer.healing import repair
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions, extrusions_of_gcode
 from printer_slicer.inspection.coverage.limits import CoverageLimits, findings
@@ -27,6 +30,7 @@ from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRul
 from printer_slicer.inspection.coverage.stack import Stack, stack_extrusions
 from printer_slicer.inspection.coverage.zones import footprint
 from printer_slicer.inspection.deposition.marks import NOT_PART, Purpose
+from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
@@ -101,24 +105,32 @@ class CheckOptions(Struct, frozen=True):
 USUAL: Final = CheckOptions()
 
 
-@check_arguments(text=bytes, mesh=Mesh, asked=CheckOptions)
+@check_arguments(text=(bytes, *PATH), mesh=(Mesh, *PATH), asked=CheckOptions)
 def check_gcode(
-    text: bytes, mesh: Mesh, asked: CheckOptions = USUAL, *, name: str = "G-code", report: Report = quiet
+    text: bytes | str | os.PathLike[str],
+    mesh: Mesh | str | os.PathLike[str],
+    asked: CheckOptions = USUAL,
+    *,
+    name: str = "",
+    report: Report = quiet,
 ) -> Check:
     """Check G-code against the part that it should print.
 
     Args:
-        text: G-code of any slicer.
-        mesh: the part, repaired, scaled and rotated, at any position.
+        text: G-code of any slicer, or the path of its file.
+        mesh: the part, repaired, scaled and rotated, at any position; or the path of a model file, which is repaired.
         asked: options of the check.
-        name: name of the file, for messages.
+        name: name of the file, for messages; empty: that of the path.
         report: function that is called with the name of each stage.
 
     Raises:
-        UsageError: the file extrudes nothing, or is binary.
+        UsageError: a file cannot be read, or the G-code extrudes nothing or is binary.
         PartError: the part cannot be cut.
     """
     report("reading")
+    name = name or ("G-code" if isinstance(text, bytes) else Path(text).name)
+    text = text if isinstance(text, bytes) else read_text(Path(text))
+    mesh = mesh if isinstance(mesh, Mesh) else repair(load_mesh(mesh))[0]
     deposit, stack = read_gcode_extrusions(text, asked.filament_diameter, name)
     report("matching")
     part, stack, sections, match = _match_part(mesh, deposit.beads, stack, asked.placement)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import NoneType
 
-from printer_slicer.arguments import check_arguments
+from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.deprecation import accept_former_arguments
-from printer_slicer.errors import PortError, VerificationError
+from printer_slicer.errors import PortError, UsageError, VerificationError
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.deposition_observer import DepositionObserver
 from printer_slicer.inspection.dry_run.fast_runner import (
@@ -20,10 +22,12 @@ from printer_slicer.inspection.dry_run.fast_runner import (
 )
 from printer_slicer.inspection.dry_run.judging import RunContext, Verdict, judge
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
-from printer_slicer.jobs import Job
+from printer_slicer.inspection.lint.scan import lint_file
+from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.link_model import SerialLink
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile
+from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, load_profile_from_gcode
 from printer_slicer.sim.faults import Faults
 from printer_slicer.sim.firmwares import SimulatedFirmware
 from printer_slicer.sim.link import VirtualPort
@@ -33,7 +37,7 @@ from printer_slicer.stream.events import Accepted, Event, Finished, Halted
 from printer_slicer.stream.protocol import Streamer
 from printer_slicer.stream.send_queue import POSITION_TOLERANCE
 from printer_slicer.stream.session import run
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 __all__ = ["dry_run", "make_layer_counter"]
 
@@ -119,9 +123,9 @@ def make_layer_counter(job: Job, comparison: Comparison) -> Callable[[], int] | 
 
 
 @accept_former_arguments(front_end="firmware")
-@check_arguments(job=Job, baud=(int, NoneType), extruders=(int, NoneType))
+@check_arguments(job=(Job, *PATH), baud=(int, NoneType), extruders=(int, NoneType))
 def dry_run(  # noqa: PLR0913 - all but two have a good default
-    job: Job,
+    job: Job | str | os.PathLike[str],
     profile: Profile | None = None,
     *,
     on_event: Callable[[Event], None] = lambda _: None,
@@ -135,8 +139,9 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
     """Print a job on the simulated printer that the profile describes.
 
     Args:
-        job: the job to print.
-        profile: its printer section sets the machine, the baud rate and the window of the host; None: that of the job.
+        job: the job to print, or a G-code file.
+        profile: its printer section sets the machine, the baud rate and the window of the host; None: that of the job,
+            or that in a file of this program.
         on_event: function that is called with each event of the host.
         baud: baud rate; buffer underruns are errors then. None uses that of the profile, with underruns as warnings.
         every_byte: simulate every byte on the cable. Otherwise whole lines are sent, with the same timing and the same
@@ -149,8 +154,10 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
 
     Raises:
         VerificationError: the job would take more than 30 days.
-        UsageError: neither `profile` nor the job has a profile.
+        UsageError: neither `profile` nor the job has a profile, or the file cannot be read.
     """
+    if not isinstance(job, Job):
+        job = _read_job(Path(job), profile)
     profile = job.require_profile(profile)
     if job.seconds > LONGEST_PRINT:
         raise VerificationError(
@@ -162,6 +169,28 @@ def dry_run(  # noqa: PLR0913 - all but two have a good default
     if every_byte or firmware is not None or faults is not None:
         return _run_over_port(simulation, on_event)
     return _run_fast(simulation, on_event)
+
+
+def _read_job(path: Path, profile: Profile | None) -> Job:
+    """Read the job in a G-code file; without a profile, the file must contain the settings of this program.
+
+    Raises:
+        UsageError: the file cannot be read, is not G-code, or contains no settings.
+    """
+    if not is_gcode(path):
+        raise UsageError(
+            f"{path}: is not G-code", remedy=f"Slice it first: ps.dry_run(ps.slice({str(path)!r}))"
+        )
+    if profile is None:
+        if not path.is_file():
+            raise UsageError(f"{path}: no such file", remedy="Check the path")
+        if not is_printer_slicer_gcode(path):
+            raise UsageError(
+                f"{path}: contains no settings of this program",
+                remedy='Pass a profile: ps.dry_run(path, ps.load_profile("Ender 3"))',
+            )
+        profile = load_profile_from_gcode(path)
+    return replace(lint_file(path, profile), profile=profile)
 
 
 def _run_over_port(simulation: _Simulation, on_event: Callable[[Event], None]) -> Verdict:
