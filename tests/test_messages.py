@@ -100,7 +100,7 @@ CALLS: Final[dict[str, tuple[Callable[[], Any], str, str]]] = {
         "unknown option 'soon' of pause",
         "pause [now] [cold] [here]",
     ),
-    "a speed that is none": (lambda: parse_command("speed fast"), "fast: expected", "Enter a number"),
+    "a speed that is none": (lambda: parse_command("speed fast"), "fast: expected", "Enter for example 80"),
 }
 
 

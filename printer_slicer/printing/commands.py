@@ -176,23 +176,30 @@ def _make_text_parser(build: Callable[[str], PrintCommand], expected: str) -> Ca
 
 
 def _make_number_parser(
-    build: Callable[[float], PrintCommand], low: float, high: float, unit: str
+    build: Callable[[float], PrintCommand], low: float, high: float, unit: str, example: float
 ) -> Callable[[str], PrintCommand]:
-    """Return the parser of a command with a number from `low` to `high`."""
+    """Return the parser of a command with a number from `low` to `high`, which may be followed by its unit."""
 
     def parse(rest: str) -> PrintCommand:
         try:
-            value = float(rest)
+            value = float(_remove_unit(rest, unit))
         except ValueError:
             value = float("nan")
         if not isfinite(value) or not low <= value <= high:
             raise UsageError(
                 f"{rest or 'no value'}: expected a number from {low:g} to {high:g} {unit}".rstrip(),
-                remedy=f"Enter a number from {low:g} to {high:g}",
+                remedy=f"Enter for example {example:g}",
             )
         return build(value)
 
     return parse
+
+
+def _remove_unit(text: str, unit: str) -> str:
+    """Remove the unit at the end of a number: %, mm, °C or C."""
+    lower = text.lower()
+    ending = next((one for one in (unit.lower(), unit[-1:].lower()) if one and lower.endswith(one)), "")
+    return lower.removesuffix(ending)
 
 
 COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
@@ -203,17 +210,44 @@ COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "status": _make_parser_without_argument(Status),
     "object": _make_text_parser(CancelObject, "the name or number of an object on the plate"),
     "say": _make_text_parser(Say, "a line of G-code"),
-    "speed": _make_number_parser(Speed, 10, 500, "%"),
-    "flow": _make_number_parser(Flow, 10, 300, "%"),
-    "fan": _make_number_parser(SetFan, 0, 100, "%"),
-    "nozzle": _make_number_parser(lambda value: SetTemperature("nozzle", value), 0, 500, "°C"),
-    "bed": _make_number_parser(lambda value: SetTemperature("bed", value), 0, 200, "°C"),
-    "babystep": _make_number_parser(BabyStep, -2, 2, "mm"),
-    "answer": _make_number_parser(lambda value: Answer(int(value)), 0, 99, ""),
+    "speed": _make_number_parser(Speed, 10, 500, "%", 80),
+    "flow": _make_number_parser(Flow, 10, 300, "%", 95),
+    "fan": _make_number_parser(SetFan, 0, 100, "%", 50),
+    "nozzle": _make_number_parser(lambda value: SetTemperature("nozzle", value), 0, 500, "°C", 210),
+    "bed": _make_number_parser(lambda value: SetTemperature("bed", value), 0, 200, "°C", 60),
+    "babystep": _make_number_parser(BabyStep, -2, 2, "mm", 0.02),
+    "answer": _make_number_parser(lambda value: Answer(int(value)), 0, 99, "", 0),
 }
 """Parser of the arguments of each command, by the first word of the command."""
 
 _OTHER_NAMES: Final[Mapping[str, str]] = {"estop": "abort", "m112": "abort", FORMER_ABORT: "abort"}
+_MEANINGS: Final[Mapping[str, str]] = {
+    "continue": "resume",
+    "end": "cancel",
+    "quit": "cancel",
+    "temperature": "nozzle",
+    "temp": "nozzle",
+    "hotend": "nozzle",
+    "extruder": "nozzle",
+    "feedrate": "speed",
+    "feed": "speed",
+    "flowrate": "flow",
+    "extrusion": "flow",
+    "z": "babystep",
+    "z_offset": "babystep",
+    "z-offset": "babystep",
+    "zoffset": "babystep",
+    "offset": "babystep",
+    "exclude": "object",
+    "skip": "object",
+    "gcode": "say",
+    "send": "say",
+    "command": "say",
+    "state": "status",
+    "progress": "status",
+}
+"""Word that users of other hosts try -> the command that they mean."""
+_MIN_SIMILARITY: Final = 0.75  # from 0 to 1; less similar words are not suggested
 
 
 def parse_command(line: str) -> PrintCommand:
@@ -225,5 +259,17 @@ def parse_command(line: str) -> PrintCommand:
     word, _, rest = line.strip().partition(" ")
     word = _OTHER_NAMES.get(word.lower(), word.lower())
     if word not in COMMAND_PARSERS:
-        raise UsageError(f"unknown command {word!r}", remedy="Use one of " + ", ".join(COMMAND_PARSERS))
+        raise UsageError(
+            f"unknown command {word!r}",
+            remedy=f"{_suggest_command(word)}Use one of {', '.join(COMMAND_PARSERS)}",
+        )
     return COMMAND_PARSERS[word](rest.strip())
+
+
+def _suggest_command(word: str) -> str:
+    """Return a question that suggests a command in place of an unknown word; empty without a suggestion."""
+    from difflib import get_close_matches  # noqa: PLC0415 - an emergency stop does not wait for this import
+
+    near = get_close_matches(word, COMMAND_PARSERS, 1, _MIN_SIMILARITY) if word else []
+    meant = _MEANINGS.get(word) or next(iter(near), "")
+    return f"Did you mean {meant!r}? " if meant else ""

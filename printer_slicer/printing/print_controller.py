@@ -319,13 +319,13 @@ class PrintController:
         """Resume the print; if the printer itself waits for the user, make it continue."""
         if self._waits_for_user and self.phase is PrintPhase.RUNNING:
             self._streamer.send_at_once(b"M108")
-            return "told the printer to continue"
+            return "resumed the printer"
         if (
             self.phase is PrintPhase.RUNNING and self._streamer.state is State.PAUSED
         ):  # the printer has paused by itself
             self._streamer.inject(self._setup.firmware.resume_command)
             self._streamer.resume()
-            return "told the printer to continue"
+            return "resumed the printer"
         if self.phase in {PrintPhase.RUNNING, PrintPhase.RETURNING, PrintPhase.STOPPING}:
             raise UsageError(
                 f"cannot resume: the print is {self._state}", remedy="Run printer-slicer control status"

@@ -237,6 +237,6 @@ def test_a_pause_of_the_printer_s_own_ends_when_a_person_resumes() -> None:
     rig.run()
 
     assert len(begun) == 2
-    assert rig.answers == ["told the printer to continue"]
+    assert rig.answers == ["resumed the printer"]
     assert "M108" in rig.executed
     assert isinstance(rig.events[-1], Finished)

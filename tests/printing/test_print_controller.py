@@ -387,6 +387,12 @@ def test_a_file_without_marks_has_no_things() -> None:
         (" resume ", commands.Resume()),
         ("object my part", commands.CancelObject("my part")),
         ("speed 80", commands.Speed(80)),
+        ("speed 120%", commands.Speed(120)),
+        ("flow 95 %", commands.Flow(95)),
+        ("fan 50%", commands.SetFan(50)),
+        ("nozzle 210C", commands.SetTemperature("nozzle", 210)),
+        ("bed 60°C", commands.SetTemperature("bed", 60)),
+        ("babystep 0.05mm", commands.BabyStep(0.05)),
         ("nozzle 210.5", commands.SetTemperature("nozzle", 210.5)),
         ("babystep -0.02", commands.BabyStep(-0.02)),
         ("say M117 hello", commands.Say("M117 hello")),
@@ -410,6 +416,8 @@ def test_wishes_are_read(line: str, command: commands.PrintCommand) -> None:
         "speed",
         "speed fast",
         "speed nan",
+        "speed %",
+        "answer 1%",
         "speed 5",
         "say",
         "say a\x07",
@@ -419,6 +427,31 @@ def test_nonsense_is_refused_with_a_remedy(line: str) -> None:
     with pytest.raises(UsageError) as caught:
         commands.parse_command(line)
     assert caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("pauze", "pause"),
+        ("temperature", "nozzle"),
+        ("hotend", "nozzle"),
+        ("temp", "nozzle"),
+        ("z", "babystep"),
+        ("cancle", "cancel"),
+    ],
+)
+def test_an_unknown_command_gets_a_suggestion(word: str, meant: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        commands.parse_command(f"{word} 205")
+
+    assert caught.value.remedy.startswith(f"Did you mean {meant!r}? Use one of ")
+
+
+def test_a_word_with_no_similar_command_gets_no_suggestion() -> None:
+    with pytest.raises(UsageError) as caught:
+        commands.parse_command("dance")
+
+    assert caught.value.remedy.startswith("Use one of ")
 
 
 def test_what_is_paused_or_prints_already_says_so() -> None:
