@@ -7,6 +7,7 @@ short, `--help` shows all of it.
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
@@ -26,6 +27,7 @@ SHORT_LINES: Final = 40
 """Maximum number of lines of `--help`."""
 
 _MOST_EXAMPLES: Final = 4  # in `--help`, if it does not show all options
+_FLAG: Final = re.compile(r"(?<!\S)--[a-z-]+")
 _LINES_BELOW: Final = 2  # a blank line and the line that names --help-all
 
 FILES: Final = (
@@ -110,8 +112,8 @@ def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> 
     examples: list[str] = getattr(parser, "examples", "").splitlines()
     ending: str = getattr(parser, "ending", "")
 
-    def format_with_examples(count: int, is_shown: Callable[[argparse.Action], bool]) -> str:
-        """Return the help with the first `count` examples, and with the options to show."""
+    def format_with_examples(examples: Sequence[str], is_shown: Callable[[argparse.Action], bool]) -> str:
+        """Return the help with examples, and with the options to show."""
         formatter = parser._get_formatter()  # noqa: SLF001 - argparse has no other way to format part of a parser
         formatter.add_usage(parser.format_usage().removeprefix("usage: ").strip().replace("%", "%%"), [], [])
         formatter.add_text(parser.description)
@@ -121,14 +123,23 @@ def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> 
             formatter.add_arguments([one for one in group._group_actions if is_shown(one)])  # noqa: SLF001
             formatter.end_section()
         formatter.add_text(parser.epilog)
-        formatter.add_text("\n".join(["examples:", *examples[:count]]) if examples[:count] else None)
+        formatter.add_text("\n".join(["examples:", *examples]) if examples else None)
         formatter.add_text(ending or None)
         return formatter.format_help()
 
-    complete = format_with_examples(len(examples), lambda _: True) + getattr(parser, "appendix", "")
+    complete = format_with_examples(examples, lambda _: True) + getattr(parser, "appendix", "")
     if everything or complete.count("\n") <= SHORT_LINES:
         return complete
-    lines = format_with_examples(1, lambda one: not is_advanced(one)).count("\n")
+    examples = _choose_examples(parser, examples)
+    lines = format_with_examples(examples[:1], lambda one: not is_advanced(one)).count("\n")
     room = SHORT_LINES - _LINES_BELOW - lines + 1
-    short = format_with_examples(min(max(room, 1), _MOST_EXAMPLES), lambda one: not is_advanced(one))
+    short = format_with_examples(
+        examples[: min(max(room, 1), _MOST_EXAMPLES)], lambda one: not is_advanced(one)
+    )
     return f"{short}\nAll options: {parser.prog} --help-all\n"
+
+
+def _choose_examples(parser: argparse.ArgumentParser, examples: list[str]) -> list[str]:
+    """Return the examples without advanced options, or all examples if each has some."""
+    hidden = {flag for one in parser._actions if is_advanced(one) for flag in one.option_strings}  # noqa: SLF001
+    return [line for line in examples if hidden.isdisjoint(_FLAG.findall(line))] or examples

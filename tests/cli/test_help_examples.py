@@ -51,6 +51,14 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.parametrize("command", ["slice", "plan", "dry-run", "print"])
+def test_the_short_help_explains_the_options_of_its_examples(command: str) -> None:
+    options, _, shown = typed(command, "--help").out.partition("examples:")
+
+    assert [flag for flag in re.findall(r" (--[a-z-]+)", shown) if flag not in f"{options} --help-all"] == []
+    assert max(map(len, shown.splitlines())) <= 100
+
+
 TYPED_ELSEWHERE: Final = re.compile(r"--compare|case_study")
 """What takes longest, and is in the README, too."""
 

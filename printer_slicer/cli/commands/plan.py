@@ -31,9 +31,10 @@ if TYPE_CHECKING:
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
-  printer-slicer plan part.stl --picture plan.png --tolerance 0.05
-  printer-slicer plan part.stl --compare --heights 0.1:0.3:0.02
-  printer-slicer plan sample_parts/case_study.stl --printer marlin_220_06 --quality case_study --paper-tables
+  printer-slicer plan part.stl --picture plan.png
+  printer-slicer plan part.stl --compare --printer "Ender 3"
+  printer-slicer plan part.stl --tolerance 0.05 --heights 0.1:0.3:0.02
+  printer-slicer plan part.stl --paper-tables
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
 
 # Variants of the planners: name in the table -> changes to the profile.
