@@ -3,11 +3,35 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import Final
 
 from printer_slicer.cli.arguments import parse_timeout
 from printer_slicer.cli.help import mark_advanced
+from printer_slicer.errors import PortError
 
-__all__ = ["add_connection_options", "add_port_arguments"]
+__all__ = ["SIMULATED_PORT", "add_connection_options", "add_port_arguments", "reject_simulated_port"]
+
+SIMULATED_PORT: Final = "sim:"
+"""The port of `print` that stands for the simulated printer."""
+
+
+def reject_simulated_port(port: str) -> None:
+    """Reject the name of the simulated printer as a port.
+
+    Raises:
+        PortError: the port is `sim:`, or `sim` without a file of this name.
+    """
+    if port == SIMULATED_PORT:
+        raise PortError(
+            "sim: is a port of print only",
+            remedy="Start a simulated printer with printer-slicer sim --pty /tmp/printer, and use its port "
+            "/tmp/printer",
+        )
+    if f"{port}:" == SIMULATED_PORT and not Path(port).exists():
+        raise PortError(
+            f"there is no port {port}", remedy="Did you mean sim:, the simulated printer of print?"
+        )
 
 
 def add_port_arguments(parser: argparse.ArgumentParser, meaning: str, *, required: bool) -> None:

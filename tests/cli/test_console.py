@@ -11,7 +11,7 @@ from threading import Event as Flag
 from threading import Thread
 
 import pytest
-from command_line import Outcome, typed
+from command_line import PARTS, Outcome, typed
 
 from tests.waiting import LAST_RESORT
 
@@ -180,3 +180,14 @@ def test_a_printer_that_says_nothing_is_not_waited_for(tmp_path: Path) -> None:
         with pytest.raises(PortError, match="no reply"):
             console.send_line("M105")
         port.close()
+
+
+def test_the_simulated_port_is_explained_where_it_does_not_work(tmp_path: Path) -> None:
+    for command in (("console",), ("doctor",), ("print", PARTS / "box.stl", "--port")):
+        for port in ("sim",) if "--port" in command else ("sim", "sim:"):
+            outcome = typed(*command, port, cwd=tmp_path)
+
+            assert outcome.code == 4
+            said = "Did you mean sim:" if port == "sim" else "sim --pty /tmp/printer"
+            assert said in outcome.err
+            assert len(outcome.err.splitlines()) == 2

@@ -19,7 +19,7 @@ from printer_slicer.cli.arguments import (
     parse_number,
     parse_positive_integer,
 )
-from printer_slicer.cli.connection_options import add_port_arguments
+from printer_slicer.cli.connection_options import add_port_arguments, reject_simulated_port
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.settings import load_selected_profile
 from printer_slicer.errors import OutputError, PortError, UsageError
@@ -76,6 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.cli.jobs import make_console_check
     from printer_slicer.stream.serial_port import open_port
 
+    reject_simulated_port(arguments.port)
     allow = make_console_check(load_selected_profile(arguments, slices=False, tell=False), arguments.allow)
     log = _open_log(arguments.log)
     with contextlib.ExitStack() as stack:

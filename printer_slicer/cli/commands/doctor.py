@@ -9,7 +9,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output_options, parse_positive_integer
-from printer_slicer.cli.connection_options import add_port_arguments
+from printer_slicer.cli.connection_options import add_port_arguments, reject_simulated_port
 from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.errors import PortError
 from printer_slicer.values import as_dict
@@ -78,6 +78,7 @@ def _check_port(arguments: argparse.Namespace) -> int:
     Raises:
         PortError: a check has failed.
     """
+    reject_simulated_port(arguments.port)
     checks, found = _run_checks(arguments)
     bad = [check for check in checks if check.state == "bad"]
     if arguments.json:

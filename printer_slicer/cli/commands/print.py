@@ -16,7 +16,11 @@ from printer_slicer.cli.arguments import (
     add_setting_options,
     parse_positive_integer,
 )
-from printer_slicer.cli.connection_options import add_connection_options
+from printer_slicer.cli.connection_options import (
+    SIMULATED_PORT,
+    add_connection_options,
+    reject_simulated_port,
+)
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, show_stages
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
@@ -33,7 +37,6 @@ EXAMPLES: Final = """\
   printer-slicer print part.stl --port /dev/ttyUSB0
   printer-slicer print part.gcode --port socket://192.168.1.7:8888 --json
   printer-slicer print part.stl --port sim:          simulated printer, virtual clock"""
-_SIMULATED_PORT = "sim:"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,6 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
         make_job,
     )
 
+    if arguments.port != SIMULATED_PORT:
+        reject_simulated_port(arguments.port)
     profile = load_selected_profile(arguments, **choose_profile_arguments(arguments))
     with show_stages(arguments) as report:
         job, known = make_job(arguments, profile, report)
@@ -87,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json and job.repairs is not None and job.repairs.count:
         print(json.dumps({"event": "repaired", "repairs": list_job_repair_facts(job)}), flush=True)
     job = check_policy(arguments, job)
-    if arguments.port == _SIMULATED_PORT:
+    if arguments.port == SIMULATED_PORT:
         from printer_slicer.cli.verdicts import (
             collect_verdict_facts,
             format_verdict,
