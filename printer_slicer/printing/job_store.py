@@ -10,7 +10,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.input_files import check_is_file, read_input
@@ -328,6 +328,9 @@ def find_unfinished_print(job_store: JobStore, port: str) -> Print | None:
     return None
 
 
+_START_REMEDY: Final = "Start a print with printer-slicer print FILE --port PORT"
+
+
 def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
     """Find the stored print with this name; an empty name means the only print.
 
@@ -339,7 +342,7 @@ def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
     Raises:
         UsageError: no print matches, or more than one does.
     """
-    known = list(load_stored_prints(job_store))
+    known = stored = list(load_stored_prints(job_store))
     if not running:
         damaged = {one.folder: one for one in find_damaged_prints(job_store)}
         for one in known:
@@ -355,11 +358,11 @@ def find_print(job_store: JobStore, name: str, *, running: bool) -> Print:
     available = "; ".join(
         f"{one.name} on {one.port}, started {one.begun} ({one.folder.name})" for one in known
     )
+    is_listed = any(not one.is_running for one in stored)
+    remedy = "Run printer-slicer resume --list to see unfinished prints" if is_listed else _START_REMEDY
     raise UsageError(
         problem + (f" named {name}" if name else ""),
-        remedy=f"Available: {available}"
-        if available
-        else "Run printer-slicer resume --list to see unfinished prints",
+        remedy=f"Available: {available}" if available else remedy,
     )
 
 

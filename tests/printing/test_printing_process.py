@@ -141,7 +141,8 @@ def test_another_process_sees_and_steers_the_print(tmp_path: Path, monkeypatch: 
     assert {"M117 hello", "M104 S0", "M140 S0", "M84"} <= set(executed)
     gone = typed("control", "status")
     assert gone.code == 2
-    assert "no running print" in gone.err
+    assert "no running print\n  Start a print with" in gone.err
+    assert "no unfinished print\n  Start a print with" in typed("resume").err
 
 
 def test_only_its_owner_can_open_the_door_and_a_stale_one_is_replaced(tmp_path: Path) -> None:
