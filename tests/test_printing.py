@@ -20,6 +20,7 @@ from printer_slicer.errors import Cancelled, PortError, PrintError
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.jobs import Job
 from printer_slicer.printing import print_job
+from printer_slicer.printing.print_session import write_checkpoint
 from printer_slicer.profile import load_profile
 from printer_slicer.sim.printer import SimulatedPrinter
 from printer_slicer.sim.pty_server import serve
@@ -305,6 +306,16 @@ def test_a_checkpoint_that_cannot_be_written_does_not_hide_the_reason(tmp_path: 
 
     assert "halted" in str(caught.value)
     assert "could not be written" in str(caught.value)
+
+
+def test_the_message_names_the_folder_of_the_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    assert str(tmp_path / "c.json") in write_checkpoint(
+        job_of(tmp_path, "G28\n"), 0, Path("c.json"), "cancelled"
+    )
 
 
 def test_a_print_without_a_checkpoint_still_says_where_it_stopped(tmp_path: Path) -> None:

@@ -548,8 +548,8 @@ def write_checkpoint(job: Job, done: int, checkpoint: Path | None, reason: str) 
     try:
         checkpoint.write_text(json.dumps(state, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        return f"{message}; the checkpoint {checkpoint} could not be written: {error.strerror}"
-    return f"{message}; checkpoint: {checkpoint}"
+        return f"{message}; the checkpoint {checkpoint.absolute()} could not be written: {error.strerror}"
+    return f"{message}; checkpoint: {checkpoint.absolute()}"
 
 
 _SYNC_INTERVAL = 1.0
