@@ -87,7 +87,8 @@ def _convert_max_flow(conversion: Conversion) -> None:
         conversion.clamp("max_flow", flow, 0.1, _HIGHEST_FLOW, "filament_max_volumetric_speed")
     else:
         how = "unlimited in the source; here 0 means printer.hotend_max_flow, or 12 mm³/s if that is 0"
-        conversion.put("max_flow", 0, "filament_max_volumetric_speed", how, differs=True)
+        is_set = conversion.preset.has("filament_max_volumetric_speed")
+        conversion.put("max_flow", 0, "filament_max_volumetric_speed", how, differs=is_set)
 
 
 def _convert_cooling(conversion: Conversion) -> None:

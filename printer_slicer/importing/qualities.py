@@ -532,11 +532,11 @@ def _explain_unsupported(name: str, *, supports: bool) -> str:
         name: name of the setting.
         supports: whether the source prints supports.
     """
-    if name.startswith("support_") or name in ("dont_support_bridges", "interface_shells"):
+    if name.startswith("support_") or name == "dont_support_bridges":
         return "supports are not available here" if supports else SUPPORTS_OFF
     if name.startswith(
         ("wipe_tower", "ooze_prevention", "standby_temperature", "mmu_", "single_extruder")
-    ) or name.endswith("_extruder"):
+    ) or name.endswith(("_extruder", "interface_shells")):
         return ONE_TOOL
     if name == "travel_acceleration":
         return "travel_acceleration is a printer setting: set it there"

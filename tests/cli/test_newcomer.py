@@ -171,8 +171,12 @@ SUGGESTS = [
     ("stop", "'printer-slicer control cancel'"),
     ("slice {part} --load {cura}", "printer-slicer profiles import {cura} --folder FOLDER"),
     ("slice {part} --load {orca}", "printer-slicer profiles import {orca} --folder FOLDER"),
-    ("slice {part} --printer {config}", "use --load {config}; to convert them, `printer-slicer profiles import"),
+    (
+        "slice {part} --printer {config}",
+        "use --load {config}; to convert them, `printer-slicer profiles import",
+    ),
     ("slice {part} --quality {orca}", "use --load {orca}; to convert them, `printer-slicer profiles import"),
+    ("profiles show printer Ender 3", 'profiles show printer "Ender 3"'),
     ("profiles show {config}", "{config}: not a profile of this program, which is a .toml file"),
     ("slice {part} --fill-density 20%", "--infill PERCENT"),
     ("slice {part} --max-layer 0.3", "--set max_layer=MM"),

@@ -116,7 +116,9 @@ def test_a_profile_is_named_only_if_the_file_has_its_settings(tmp_path: Path) ->
     made = typed("slice", BOX, "-o", tmp_path / "box.gcode", "--load", config).out
 
     assert made.startswith("printer Creality Ender-3 V2 (from --load), ")
-    assert first_line("check", tmp_path / "box.gcode").startswith("printer Creality Ender-3 V2 (from the file), ")
+    assert first_line("check", tmp_path / "box.gcode").startswith(
+        "printer Creality Ender-3 V2 (from the file), "
+    )
 
 
 def test_the_machine_that_cura_names_is_looked_for(tmp_path: Path) -> None:

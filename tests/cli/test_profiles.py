@@ -221,7 +221,7 @@ def test_profiles_of_a_folder_are_used_by_other_commands(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("words", "problem", "remedy"),
     [
-        (["show", "a", "b", "c"], "profiles show: one profile must be named", "profiles show NAME"),
+        (["show", "a", "b", "c"], "profiles show: one profile must be named", 'profiles show "a b c"'),
         (["show", "standart"], "unknown profile 'standart'", "Did you mean 'standard'?"),
         (["diff", "standard"], "profiles diff: two profiles must be named", "profiles diff standard fine"),
         (

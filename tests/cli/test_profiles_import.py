@@ -175,12 +175,28 @@ def test_profiles_that_do_not_fit_together_cause_a_warning_of_two_lines(
     assert remedy == "  Choose 0.24 to 1 mm"
 
 
+def test_all_settings_are_shown_once_and_without_python_values(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = flat_file(tmp_path, interface_shells="1", filament_max_volumetric_speed=None)
+    _, said, _ = run(capsys, file, "-v", "--dry-run")
+
+    assert "  not set -> planner.kind = uniform\n" in said
+    assert "-> relative_extrusion = false\n" in said
+    assert said.count("-> start_gcode = ") == 1
+    assert "not applicable: interface_shells = 1 (only one tool is supported)" in said
+    _, said, _ = run(capsys, file)
+    assert "max_flow" not in said
+
+
 def test_a_first_layer_that_is_too_high_for_the_nozzle_is_lowered(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _, said, _ = run(capsys, flat_file(tmp_path, first_layer_height=None))
 
-    assert "first_layer_height = 0.32 mm (the nozzle of 0.4 mm allows 0.32 mm; the source has 0.35 mm)" in said
+    assert (
+        "first_layer_height = 0.32 mm (the nozzle of 0.4 mm allows 0.32 mm; the source has 0.35 mm)" in said
+    )
     assert "fit together" not in said
     _, said, _ = run(capsys, tmp_path / "config.ini", "-v", "--dry-run")
     assert said.count("-> first_layer_height = ") == 1

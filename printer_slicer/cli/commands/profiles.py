@@ -156,8 +156,11 @@ def _parse_profile(arguments: argparse.Namespace, words: Sequence[str]) -> tuple
     if len(words) == 2 and words[0] in _KINDS:
         return words[0], words[1]
     if len(words) != 1:
+        kind = [words[0]] if words and words[0] in _KINDS else []
+        quoted = f'"{" ".join(words[len(kind) :])}"' if len(words) > len(kind) else "NAME"
         _raise_usage_error(
-            f"profiles {arguments.what}: one profile must be named", f"profiles {arguments.what} NAME"
+            f"profiles {arguments.what}: one profile must be named",
+            " ".join(["profiles", arguments.what, *kind, quoted]),
         )
     return find_profile_kind(words[0], arguments.profiles), words[0]
 
@@ -384,7 +387,7 @@ def _list_settings(arguments: argparse.Namespace) -> int:
         _print_json(arguments, [row._asdict() for row in rows])
         return 0
     for row in rows:
-        unit = f" {row.unit}" if row.unit else ""
+        unit = f" {row.unit}" if row.unit not in ("", "0-1") else ""  # the bounds say the same as 0-1
         bounds = f" ({row.bounds})" if row.bounds else ""
         default = "" if "\n" in row.default else row.default
         print_text(arguments, f"{row.key:<42}{default}{unit}{bounds}  {row.meaning}")

@@ -379,14 +379,23 @@ def _format_count(number: int, noun: str) -> str:
 
 def _format_all_settings(one: ImportedProfile) -> Iterator[str]:
     """Yield a line for each setting of the source file and of the new profile."""
+    from printer_slicer.profile.reading import flatten_tables
+
     for taken in one.taken:
-        value = "..." if isinstance(taken.value, str) and "\n" in taken.value else taken.value
         source = f"{taken.theirs} = {_shorten(taken.text)}" if taken.theirs else "not set"
         reason = f" ({taken.how})" if taken.how else ""
-        yield f"  {source} -> {taken.ours} = {value}{reason}"
+        for key, value in flatten_tables({taken.ours: taken.value}):
+            yield f"  {source} -> {key} = {_format_setting(value)}{reason}"
     for left in one.left:
         word = "not applicable" if left.off else "no equivalent"
         yield f"  {word}: {left.theirs} = {_shorten(left.text)} ({left.why})"
+
+
+def _format_setting(value: object) -> str:
+    """Format the value of a setting on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "..." if "\n" in str(value) else str(value)
 
 
 def _shorten(text: str) -> str:
