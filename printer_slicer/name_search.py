@@ -38,9 +38,9 @@ def rank_match(typed: Sequence[str], words: Sequence[str]) -> tuple[int, int] | 
         words: words of the name.
 
     Returns:
-        The kind of match and the number of additional words in the name. The kinds, best first: all words are equal (`EXACT`);
-        the name ends with the typed words, after the maker for example (`AT_THE_END`); it contains them side by side;
-        it contains them in this order (`IN_ORDER`); they are the beginnings of words in this order.
+        The kind of match and the number of additional words in the name. The kinds, best first: all words are equal
+        (`EXACT`); the name ends with the typed words, after the maker for example (`AT_THE_END`); it contains them
+        side by side; it contains them in this order (`IN_ORDER`); they are the beginnings of words in this order.
     """
     size, more = len(typed), len(words) - len(typed)
     if not typed or more < 0:

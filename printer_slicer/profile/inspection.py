@@ -72,7 +72,7 @@ def has_settings(kind: str, name: str, values: Mapping[str, Any], folders: Seque
     """Return whether a profile, which may have faults, has exactly these settings; unset ones have their defaults."""
     try:
         known = convert_section(kind, read_chain(kind, name, folders))
-        return known == convert_section(kind, SettingsSource(values, {}, ""))
+        return bool(known == convert_section(kind, SettingsSource(dict(values), {}, "")))
     except ProfileError:
         return False
 
