@@ -448,6 +448,7 @@ def test_profiles_lists_every_setting() -> None:
     assert [row["key"] for row in rows] == [row[0] for row in list_setting_definitions()]
     assert all(set(row) == {"key", "type", "unit", "bounds", "default", "meaning", "own"} for row in rows)
     assert all(row["key"] in text and row["meaning"] in text for row in rows)
+    assert " 0-1 " not in text
 
 
 @pytest.mark.parametrize(
