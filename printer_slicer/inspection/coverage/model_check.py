@@ -203,7 +203,8 @@ def _match_part(
     part = part.moved((*match.shift, 0.0))
     near = _find_extrusions_near(part, beads)
     new_stack = stack_extrusions(beads, near)
-    if near.any() and not np.array_equal(new_stack.top, stack.top):
+    is_same_part = match.share >= _MIN_MATCH_SHARE  # of another part, all layers count
+    if is_same_part and near.any() and not np.array_equal(new_stack.top, stack.top):
         # Extrusions beside the part, such as a priming line, caused extra layers.
         stack, pair = new_stack, _cut_below_and_above_middle(part, new_stack)
     else:

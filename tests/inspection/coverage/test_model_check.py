@@ -27,7 +27,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
 from printer_slicer.roles import Role
 from tests.effort import examples
-from tests.parts import box, box_with_hole, plain, sphere
+from tests.parts import box, box_with_hole, joined, plain, sphere
 from tests.test_values import arrays
 from tests.waiting import LAST_RESORT
 
@@ -237,6 +237,15 @@ def test_the_wrong_model_is_found() -> None:
     for one in (text, bare):
         check = check_gcode(one, sphere(radius=4), CheckOptions())
         assert any("match this model" in problem for problem in check.problems)
+
+
+def test_layers_are_those_of_the_file_if_the_model_is_another_part() -> None:
+    made = slice_part(joined([box((40.0, 40.0, 1.2)), box((5.0, 5.0, 6.0), at=(14.0, 14.0, 0.0))]), PROFILE)
+    elsewhere = CheckOptions(placement=Placement(center=(0, 0)))
+    check = checked(made, box((5.0, 5.0, 6.0)), elsewhere)
+
+    assert check.coverage.stack.n_layers == made.plan.n_layers
+    assert any("match this model" in problem for problem in check.problems)
 
 
 # --- what is asked ---
