@@ -222,3 +222,12 @@ def test_without_a_name_the_picture_lies_beside_the_file_and_shows_its_worst_lay
     assert "the layer with the most findings (" in done.out
     assert "layer 1 of" not in done.out
     assert {fine.with_suffix(".svg"), faulty.with_suffix(".svg")} <= set(tmp_path.iterdir())
+
+
+def test_the_layer_of_a_finding_is_found_in_a_file_without_layer_comments(tmp_path: Path) -> None:
+    moves = "G28\nG90\nM83\nG1 Z0.2 F600\nG1 X50 E2 F1800\nG1 Z0.4\nG1 X80 E2\nM303 E0\nM999\nG1 X90 E1\n"
+    (tmp_path / "bare.gcode").write_text(moves, encoding="utf-8")
+    done = typed("draw", "bare.gcode", "-o", "bare.svg", cwd=tmp_path)
+
+    assert "layer 2 of 2" in done.out
+    assert "the layer with the most findings" in done.out

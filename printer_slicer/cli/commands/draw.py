@@ -224,6 +224,8 @@ def _find_layers(finding: Diagnostic, levels: FileLayers) -> Iterable[int]:
     if finding.first:
         return [layer for layer in finding.affected_layers if 0 <= layer < levels.n_layers]
     layer = levels.layer_at(finding.z) if finding.z is not None else finding.layer - 1
+    if layer < 0 and finding.z is None:
+        layer = levels.layer_of_line(finding.line)  # the file may have no comments that begin layers
     return [layer] if 0 <= layer < levels.n_layers else []
 
 

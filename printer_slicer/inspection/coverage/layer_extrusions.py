@@ -53,6 +53,14 @@ class FileLayers(Struct, frozen=True, eq=False):
         index = int(np.searchsorted(self.top, z - _SAME_HEIGHT))
         return index if z >= 0 and index < self.n_layers else -1
 
+    def layer_of_line(self, line: int) -> int:
+        """Return the index of the layer that a line of the file belongs to; -1 outside the extrusions of all layers."""
+        in_layers = np.flatnonzero(self.level >= 0)
+        lines = self.beads.line[in_layers]
+        index = int(np.searchsorted(lines, line))
+        is_between = index < len(lines) and line >= lines[0]
+        return int(self.level[in_layers[index]]) if is_between else -1
+
 
 class LayerExtrusions(Struct, frozen=True, eq=False):
     """The extrusions of one layer, in printing order.
