@@ -18,6 +18,7 @@ __all__ = [
     "Code",
     "Diagnostic",
     "Severity",
+    "as_former_json",
     "as_json",
     "check_allowed_codes",
     "format_first_error",
@@ -174,8 +175,11 @@ CODES: Final[Mapping[str, Code]] = {
     ),
     "clog": _dry_run_code("filament is fed but does not come out", "Clear the nozzle and check the spool"),
     "heater": _dry_run_code("heater that stays on at the end", "End with M104 S0 and M140 S0"),
-    "unknown": _dry_run_code(
-        "command that the firmware does not know", "Check that the file was sliced for this firmware"
+    "unknown": Code(
+        "lint, dry run",
+        "error",
+        "command that no firmware knows; lint only warns, because the printer ignores it",
+        "Check that the file was sliced for this firmware",
     ),
     "tool": _dry_run_code(
         "extruder that the printer does not have", "Slice for one extruder, or set `extruders`"
@@ -292,14 +296,17 @@ def _describe_count(diagnostic: Diagnostic) -> str:
 
 
 def as_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return all fields for JSON, including the fields of version 0.1.
+    """Return all fields for JSON. Layers are counted from 1; outside the layers, `layer` is None."""
+    return as_dict(diagnostic) | {"layer": diagnostic.layer or None}
 
-    The fields of version 0.1 are name, kind, what, text, why, refused, harmless, x and y. Layers are counted from 1;
-    outside the layers, `layer` is None.
+
+def as_former_json(diagnostic: Diagnostic) -> dict[str, Any]:
+    """Return all fields for JSON, and the former fields, which the next release removes.
+
+    The former fields are name, kind, what, text, why, refused, harmless, x and y.
     """
     x, y = diagnostic.place or (None, None)
-    return as_dict(diagnostic) | {
-        "layer": diagnostic.layer or None,
+    return as_json(diagnostic) | {
         "name": diagnostic.code,
         "kind": CODES[diagnostic.code].kind or diagnostic.code,
         "what": diagnostic.message,

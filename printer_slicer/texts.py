@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from math import floor, log10
 
-__all__ = ["describe_type", "format_duration", "format_number", "format_significant", "get_callable_name"]
+__all__ = [
+    "describe_type",
+    "format_count",
+    "format_duration",
+    "format_number",
+    "format_significant",
+    "get_callable_name",
+]
 
 
 def format_number(value: float) -> str:
@@ -17,6 +24,11 @@ def format_significant(value: float) -> str:
     decimals = min(max(2 - floor(log10(abs(value))), 0), 4) if value else 0
     text = f"{value:.{decimals}f}"
     return text.rstrip("0").rstrip(".") if decimals else text
+
+
+def format_count(count: int, noun: str) -> str:
+    """Format a count with its noun: `1 layer`, `2 layers`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def format_duration(seconds: float) -> str:

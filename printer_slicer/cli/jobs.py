@@ -13,6 +13,7 @@ from printer_slicer.cli.output import print_text, sanitize
 from printer_slicer.cli.unused_options import reject_model_options
 from printer_slicer.diagnostics import (
     Diagnostic,
+    as_former_json,
     as_json,
     check_allowed_codes,
     format_first_error,
@@ -36,9 +37,11 @@ __all__ = [
     "format_job_repair_sentences",
     "format_note_sentences",
     "format_notes",
+    "list_diagnostic_facts",
     "list_disallowed_errors",
     "list_finding_facts",
     "list_job_repair_facts",
+    "list_notes",
     "make_command_check",
     "make_console_check",
     "make_job",
@@ -143,21 +146,46 @@ def list_disallowed_errors(job: Job) -> list[Diagnostic]:
 
 
 def list_finding_facts(job: Job) -> list[dict[str, Any]]:
-    """Return all findings of a job for JSON."""
-    return [as_json(one) | {"allowed": one.code in job.allowed} for one in job.findings]
+    """Return all findings of a job for JSON, with their former keys."""
+    return [as_former_json(one) | {"allowed": one.code in job.allowed} for one in job.findings]
 
 
-def format_note_sentences(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """Return a sentence for each finding that does not prevent printing; only the first few without --verbose."""
-    shown = [one for one in job.findings if not one.is_error or one.code in job.allowed]
+def list_diagnostic_facts(job: Job, diagnostics: Iterable[Diagnostic]) -> list[dict[str, Any]]:
+    """Return diagnostics of a job for JSON: its own findings, and those of a comparison or a dry run."""
+    return [as_json(one) | {"allowed": one.code in job.allowed} for one in diagnostics]
+
+
+def list_notes(job: Job, faults: Collection[Diagnostic] = ()) -> list[Diagnostic]:
+    """Return the findings that do not prevent printing; leave out warnings that repeat what a dry run found."""
+    notes = [one for one in job.findings if not one.is_error or one.code in job.allowed]
+    return [one for one in notes if one.is_error or not _is_reported(one, faults)]
+
+
+def format_note_sentences(
+    arguments: argparse.Namespace, job: Job, faults: Collection[Diagnostic] = ()
+) -> list[str]:
+    """Return a sentence for each finding that does not prevent printing; only the first few without --verbose.
+
+    Args:
+        arguments: the command line.
+        job: the job with its findings.
+        faults: what a dry run found; warnings that repeat it are left out.
+    """
+    shown = list_notes(job, faults)
     most = len(shown) if arguments.verbose else _MOST_SHOWN
     more = [f"... and {len(shown) - most} more (-v shows all)"] if len(shown) > most else []
     return [*(sentence(one) for one in shown[:most]), *more]
 
 
-def format_notes(arguments: argparse.Namespace, job: Job) -> list[str]:
-    """Format the findings that do not prevent printing as lines of the output."""
-    return [f"note        {note}" for note in format_note_sentences(arguments, job)]
+def _is_reported(finding: Diagnostic, faults: Collection[Diagnostic]) -> bool:
+    """Return whether a dry run found the same: unknown commands by line, other codes once for all commands."""
+    same = [one for one in faults if one.code == finding.code]
+    return bool(same) and (finding.code != "unknown" or finding.line in {one.line for one in same})
+
+
+def format_notes(arguments: argparse.Namespace, job: Job, faults: Collection[Diagnostic] = ()) -> list[str]:
+    """Format the findings that do not prevent printing as lines of the output; leave out those of a dry run."""
+    return [f"{'warning':<12}{note}" for note in format_note_sentences(arguments, job, faults)]
 
 
 def format_errors(arguments: argparse.Namespace, errors: Sequence[str]) -> list[str]:

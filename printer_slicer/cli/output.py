@@ -28,6 +28,7 @@ __all__ = [
     "StageReport",
     "check_outputs",
     "colourize",
+    "describe_picture",
     "get_lost_output_error",
     "hide_stdin_folder",
     "print_text",
@@ -255,6 +256,11 @@ def write_file(path: Path, data: bytes) -> None:
         return
     sys.stdout.buffer.write(data)
     sys.stdout.buffer.flush()
+
+
+def describe_picture(path: Path | None, shows: str) -> list[str]:
+    """Return a line that names the file of a picture and what it shows; no line without a file."""
+    return [] if path is None or str(path) == "-" else [f"{'picture':<12}{path}: {shows}"]
 
 
 _CLOSED_ERRORS = {errno.EPIPE, errno.ECONNRESET} | ({errno.EINVAL} if sys.platform == "win32" else set())

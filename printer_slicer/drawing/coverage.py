@@ -21,7 +21,7 @@ from printer_slicer.drawing.canvas import (
     wrap_text,
 )
 from printer_slicer.geometry import Areas, intersection, stroke_lines
-from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
+from printer_slicer.inspection.coverage.limits import CoverageLimits, describe_usage, find_nearest_to_limit
 from printer_slicer.inspection.coverage.measurement import Coverage, find_overlaps
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.values import Struct
@@ -31,6 +31,7 @@ __all__ = ["draw_coverage"]
 _PANEL: Final = 520  # px, width of a panel
 _TALLEST, _LOWEST = 620, 180  # px, limits of its height
 _GAP, _HEAD, _LEGEND = 24, 52, 40  # px
+_NARROWEST: Final = 740  # px, width of a picture without close-ups
 _LETTERS: Final = 15  # px
 _LINE: Final = 20  # px, from one line of a heading to the next
 _BORDER: Final = 1.5  # mm around a layer
@@ -52,7 +53,7 @@ _UNCOVERED, _OVERLAP, _OUTSIDE, _UNSUPPORTED = "#d7191c", "#f28e00", "#8e44ad", 
 _LEGENDS: Final = (
     ("uncovered", _UNCOVERED),
     ("overlap", _OVERLAP),
-    ("outside the section", _OUTSIDE),
+    ("outside", _OUTSIDE),
     ("unsupported", _UNSUPPORTED),
     ("extrusions", _OTHER_COLOUR),
     ("section", _INK),
@@ -104,11 +105,11 @@ def draw_coverage(
     """
     shapes: list[Shape] = []
     y = float(_HEAD + _LEGEND)
-    wide = 2 * _PANEL + 3 * _GAP
     rows = [
         _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
-    ]
-    for row in rows or [_find_worst_layer(coverage, limits)]:
+    ] or [_find_worst_layer(coverage, limits)]
+    wide = _NARROWEST if all(row.place is None for row in rows) else 2 * _PANEL + 3 * _GAP
+    for row in rows:
         heading, y = _draw_heading(row.heading, wide - 2 * _GAP, y)
         shapes += heading
         whole, close = _make_views(coverage, row, y)
@@ -135,10 +136,7 @@ def _draw_heading(heading: str, width: float, y: float) -> tuple[list[Shape], fl
 def _find_worst_layer(coverage: Coverage, limits: CoverageLimits) -> _Row:
     """Return a row for the layer nearest to a limit; its heading gives the measured value in percent of the limit."""
     nearest, share = find_nearest_to_limit(coverage, limits)
-    heading = (
-        f"no findings; nearest to a limit: layer {nearest.layer}, z {nearest.z:.4g} mm, "
-        f"{nearest.code} at {share:.0%} of its limit: {nearest.message}"
-    )
+    heading = f"no findings; nearest to a limit: {describe_usage(nearest, share)}: {nearest.message}"
     return _Row(nearest.layer - 1, nearest.place, heading)
 
 

@@ -14,7 +14,7 @@ import printer_slicer as ps
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing import draw_coverage
-from printer_slicer.drawing.canvas import Box, Line, Text
+from printer_slicer.drawing.canvas import Box, Line, Text, estimate_text_width
 from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, QUICK, is_message, typed
@@ -100,12 +100,14 @@ def test_a_picture_shows_the_worst_layers(faulty: Path, tmp_path: Path, kind: st
 def test_a_picture_without_findings_shows_the_layer_nearest_to_a_limit(gcode: Path, tmp_path: Path) -> None:
     picture = tmp_path / "nothing.svg"
 
-    assert typed("check", gcode, "--model", BOX, "--picture", picture, "-q").code == 0
-    text = picture.read_text()
-    assert re.search(
-        r"no findings; nearest to a limit: layer \d+, z [\d.]+ mm, [a-z]+ at \d\d?% of its limit: ", text
-    )
-    assert "bead" in {element.get("class") for element in ET.fromstring(text).iter()}
+    done = typed("check", gcode, "--model", BOX, "--picture", picture)
+    elements = list(ET.fromstring(picture.read_text()).iter())
+    text = " ".join(element.text or "" for element in elements)
+    nearest = r"nearest to a limit: layer \d+, z [\d.]+ mm, [a-z]+ at \d\d?% of its limit"
+    assert done.code == 0
+    assert re.search(f"no findings; {nearest}: ", text)
+    assert re.search(f"(?m)^picture +{re.escape(str(picture))}: {nearest}$", done.out)
+    assert "bead" in {element.get("class") for element in elements}
 
 
 def test_the_nearest_limit_is_that_of_the_measure_that_uses_most_of_it(gcode: Path) -> None:
@@ -134,6 +136,24 @@ def test_the_close_up_of_a_corner_stays_within_the_layer(gcode: Path) -> None:
     assert (frame <= (whole.x + whole.width + 0.01, whole.y + whole.height + 0.01)).all()
     assert len(heading) == 2
     assert all(one.y < whole.y for one in heading)
+
+
+def test_a_picture_without_close_ups_is_narrow_and_its_legend_fits(gcode: Path) -> None:
+    coverage = ps.check_gcode(gcode.read_bytes(), ps.load_mesh(BOX)).coverage
+    wide, narrow = (
+        draw_coverage(
+            coverage,
+            [Diagnostic("outline", "error", "m", layer=3, z=0.6, place=place)],
+            "title",
+            CoverageLimits(),
+        )
+        for place in ((0.0, 0.0), None)
+    )
+    texts = [one for one in narrow.shapes if isinstance(one, Text)]
+
+    assert narrow.width < 0.7 * wide.width
+    assert "outside" in {one.text for one in texts}
+    assert all(one.x + estimate_text_width(one.text, one.size) < narrow.width for one in texts)
 
 
 def test_json_and_a_picture_cannot_both_go_to_stdout(gcode: Path) -> None:

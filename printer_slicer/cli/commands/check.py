@@ -19,12 +19,19 @@ from printer_slicer.cli.arguments import (
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import reject_non_gcode
-from printer_slicer.cli.output import check_outputs, print_text, sanitize, show_stages, write_file
+from printer_slicer.cli.output import (
+    check_outputs,
+    describe_picture,
+    print_text,
+    sanitize,
+    show_stages,
+    write_file,
+)
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.unused_options import reject_options_without_model
-from printer_slicer.diagnostics import as_json, format_first_error, sentence
+from printer_slicer.diagnostics import as_former_json, as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
-from printer_slicer.texts import format_duration
+from printer_slicer.texts import format_count, format_duration
 from printer_slicer.values import Struct, as_dict, replace
 
 if TYPE_CHECKING:
@@ -166,16 +173,21 @@ def run(arguments: argparse.Namespace) -> int:
         rules = CoverageRules(shell=arguments.shell, surface_depth=arguments.skin)
         asked = CheckOptions(rules, limits, arguments.filament, placement)
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
+        drawn: list[str] = []
         if arguments.picture:
             report("drawing")
-            _draw_worst_layers(check, limits, format_model_names(arguments.models), arguments.picture)
+            shows = _draw_worst_layers(check, limits, format_model_names(arguments.models), arguments.picture)
+            drawn = describe_picture(arguments.picture, shows)
     if arguments.json:
         facts = _collect_comparison_facts(check, limits) | plate.collect_facts() | file_check.facts
+        facts["diagnostics"] = [*map(_round_diagnostic, check.findings), *facts["diagnostics"]]
         print(json.dumps(facts | {"ok": check.ok and not file_check.wrong}))
     else:
         print_text(
             arguments,
-            "\n".join([*_format_check(check, format_model_names(arguments.models)), *file_check.lines]),
+            "\n".join(
+                [*_format_check(check, format_model_names(arguments.models)), *file_check.lines, *drawn]
+            ),
         )
     _raise_if_check_failed(check, file_check.wrong)
     return 0
@@ -198,7 +210,12 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
     Raises:
         UsageError: the file cannot be printed, or an option is invalid.
     """
-    from printer_slicer.cli.jobs import format_disallowed_errors, format_notes, list_finding_facts
+    from printer_slicer.cli.jobs import (
+        format_disallowed_errors,
+        format_notes,
+        list_diagnostic_facts,
+        list_finding_facts,
+    )
     from printer_slicer.firmware import FLAVOURS
     from printer_slicer.gcode import read_moves
     from printer_slicer.inspection.dry_run.underruns import find_underruns
@@ -209,7 +226,11 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
     profile = load_selected_profile(arguments, slices=False, gcode=arguments.gcode)
     job = lint_file(arguments.gcode, profile).allowing(arguments.allow)
     wrong = format_disallowed_errors(job)
-    facts: dict[str, Any] = {"allowed": sorted(arguments.allow), "lint": list_finding_facts(job)}
+    facts: dict[str, Any] = {
+        "allowed": sorted(arguments.allow),
+        "diagnostics": list_diagnostic_facts(job, job.findings),
+        "lint": list_finding_facts(job),
+    }
     lines = [
         f"{job.name}: {len(job.commands)} commands, {format_duration(job.seconds)} of motion on {profile.printer.name}"
     ]
@@ -352,7 +373,7 @@ def _raise_if_errors(name: str, wrong: Sequence[str]) -> None:
 def _format_check(check: Check, model: str) -> Iterator[str]:
     """Yield the result of the comparison with a model: summary, findings, notes, table."""
     wrong = [*check.problems, *map(sentence, check.findings)]
-    count = f"{len(wrong)} {'problem' if len(wrong) == 1 else 'problems'}" if wrong else "within all limits"
+    count = format_count(len(wrong), "problem") if wrong else "within all limits"
     yield f"{check.name} against {model}: {count}"
     yield from (f"  {one}" for one in wrong[:_MAX_LISTED])
     if len(wrong) > _MAX_LISTED:
@@ -411,7 +432,7 @@ def _format_table(coverage: Coverage) -> Iterator[str]:
         yield f"  {'  '.join(cells)}".rstrip()
     volume, solid = float(coverage.volume.sum()), float(coverage.section_volume.sum())
     share = f", {volume / solid:.1%} of its volume" if solid else ""
-    yield f"  part: {volume:.1f} mm³ in {coverage.stack.n_layers} layers{share}"
+    yield f"  part: {volume:.1f} mm³ in {format_count(coverage.stack.n_layers, 'layer')}{share}"
     kinds = [
         (volume, Purpose(i).label) for i, volume in enumerate(coverage.by_purpose.tolist()) if volume > 0.05
     ]
@@ -456,18 +477,20 @@ def _round_column(values: Float | Sequence[float]) -> list[float | None]:
     return [_round_for_json(value) for value in np.asarray(values, np.float64).tolist()]
 
 
+def _round_diagnostic(finding: Diagnostic) -> dict[str, Any]:
+    """Return a finding of the comparison for JSON, with rounded numbers; no such finding can be allowed."""
+    facts = as_json(finding) | {"allowed": False}
+    return {
+        key: _round_for_json(value) if isinstance(value, float) else value for key, value in facts.items()
+    }
+
+
 def _collect_comparison_facts(check: Check, limits: CoverageLimits) -> dict[str, Any]:
     """Return the result of the comparison with a model for JSON; layers are counted from 1."""
     from printer_slicer.inspection.deposition.marks import Purpose
 
     coverage, stack = check.coverage, check.coverage.stack
-    found = [
-        {
-            key: _round_for_json(value) if isinstance(value, float) else value
-            for key, value in as_json(one).items()
-        }
-        for one in check.findings
-    ]
+    found = [as_former_json(one) | _round_diagnostic(one) for one in check.findings]
     return {
         "file": check.name,
         "ok": check.ok,
@@ -507,9 +530,13 @@ def _collect_comparison_facts(check: Check, limits: CoverageLimits) -> dict[str,
     }
 
 
-def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: Path) -> None:
-    """Draw the worst layer of each kind of finding, then further layers with findings, up to four in all."""
+def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: Path) -> str:
+    """Draw the worst layer of each kind of finding, then further layers with findings, up to four in all.
+
+    Without findings, draw the layer nearest to a limit. Return what the picture shows.
+    """
     from printer_slicer.drawing import draw_coverage, encode_picture
+    from printer_slicer.inspection.coverage.limits import describe_usage, find_nearest_to_limit
 
     kinds: dict[str, Diagnostic] = {}
     for finding in check.findings:
@@ -518,5 +545,9 @@ def _draw_worst_layers(check: Check, limits: CoverageLimits, model: str, path: P
     for finding in (*kinds.values(), *check.findings):
         chosen.setdefault(finding.layer, finding)
     title = sanitize(f"{check.name} against {model}")
-    picture = draw_coverage(check.coverage, list(chosen.values())[:_MAX_DRAWN], title, limits)
+    shown = list(chosen.values())[:_MAX_DRAWN]
+    picture = draw_coverage(check.coverage, shown, title, limits)
     write_file(path, encode_picture(picture, path))
+    if not shown:
+        return f"nearest to a limit: {describe_usage(*find_nearest_to_limit(check.coverage, limits))}"
+    return f"the worst layers: {', '.join(f'{one.layer} ({one.code})' for one in shown)}"

@@ -18,7 +18,7 @@ from printer_slicer.cli.arguments import (
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.opening import add_open_option, open_files
-from printer_slicer.cli.output import Milestones, check_outputs, show_stages, write_file
+from printer_slicer.cli.output import Milestones, check_outputs, describe_picture, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.texts import format_duration, format_significant
 
@@ -124,7 +124,14 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps(plans | plate.collect_facts() | collect_profile_facts(arguments)))
     elif not arguments.quiet:
         print(_format_plans(arguments, table, rows))
-        print("\n".join(_format_certificate(_format_plan_name(profile), facts, repaired)))
+        print(
+            "\n".join(
+                [
+                    *_format_certificate(_format_plan_name(profile), facts, repaired),
+                    *describe_picture(arguments.picture, "the chosen plan"),
+                ]
+            )
+        )
     return 0
 
 

@@ -23,6 +23,7 @@ from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import (
     check_outputs,
+    describe_picture,
     print_text,
     reject_overwriting_input,
     show_stages,
@@ -198,7 +199,9 @@ def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> 
         print(json.dumps({"output": str(output), **facts, **collect_profile_facts(arguments)}))
     elif str(output) != "-":
         first, *more = format_slicing_sentences(facts)
-        print_text(arguments, "\n  ".join([f"{output}: {first}", *more]))
+        layer = f"layer {arguments.layer or 1} of the print"
+        lines = [f"{output}: {first}", *more, *describe_picture(arguments.picture, layer)]
+        print_text(arguments, "\n  ".join(lines))
 
 
 def _pair_outputs(arguments: Namespace) -> list[tuple[Path, Path]]:

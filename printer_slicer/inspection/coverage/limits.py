@@ -18,6 +18,7 @@ from printer_slicer.values import Struct
 
 __all__ = [
     "CoverageLimits",
+    "describe_usage",
     "excess_ratio",
     "find_line_near",
     "find_nearest_to_limit",
@@ -100,6 +101,11 @@ def find_nearest_to_limit(
     nearness = np.nan_to_num([np.where(coverage.stack.is_spiral_end, 0.0, one.nearness) for one in measures])
     row, layer = np.unravel_index(int(nearness.argmax()), nearness.shape)
     return _make_diagnostic(coverage, measures[row], np.array([layer])), float(nearness[row, layer])
+
+
+def describe_usage(nearest: Diagnostic, share: float) -> str:
+    """Describe the layer nearest to a limit: its number and height, and how much of the limit it uses."""
+    return f"layer {nearest.layer}, z {nearest.z:.4g} mm, {nearest.code} at {share:.0%} of its limit"
 
 
 def _limit_usage(amount: Float, limit: float) -> Float:
