@@ -52,10 +52,20 @@ def find_excluded(texts: Iterator[str]) -> list[tuple[str, str]]:
     return [(text, word) for text in texts for word in excluded_words() if f" {word} " in f" {plain(text)} "]
 
 
+def former_keys() -> set[str]:
+    """Return the former JSON keys that the page on renamed keys lists; the next release removes them."""
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "renamed.md").read_text(encoding="utf-8")
+    tables = re.findall(r"(?m)^\| (?:in|command) \| former \| now \|\n((?:^\|.*\n)+)", page)
+    cells = [line.split("|")[2] for table in tables for line in table.splitlines()[1:]]
+    return {key for cell in cells for key in re.findall(r"`(\w+)`", cell)}
+
+
 def strings_of(value: Any) -> Iterator[str]:
-    """Yield the keys and the text values of a JSON document."""
+    """Yield the keys and the text values of a JSON document, without former keys and their values."""
     if isinstance(value, dict):
         for key, inner in value.items():
+            if key in former_keys():
+                continue
             yield key
             yield from strings_of(inner)
     elif isinstance(value, list):
@@ -118,6 +128,22 @@ def test_json_has_no_excluded_words(command: str, folder: Path) -> None:
     assert outcome.code == 0, outcome.err
     texts = (text for text in strings_of(json.loads(outcome.out)) if text not in KEPT_SETTINGS)
     assert find_excluded(texts) == []
+
+
+def test_diagnostics_have_the_documented_keys_and_the_former_lists_remain(folder: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "diagnostics.md").read_text(encoding="utf-8")
+    table = page.partition("| key | value |\n")[2].partition("\n\n")[0]
+    documented = {key for line in table.splitlines() for key in re.findall(r"`(\w+)`", line.split("|")[1])}
+    (folder / "bad.gcode").write_text("G28\nG90\nM83\nG1 Z0.2 F600\nG1 X500 F900\nM303 E0\nFOO\n")
+    for command, former in (("check", ["lint"]), ("dry-run", ["faults", "findings"])):
+        facts = json.loads(typed(command, "bad.gcode", "--json", cwd=folder).out)
+        found = [(one["code"], one["line"]) for one in facts["diagnostics"]]
+
+        assert all(set(one) == documented for one in facts["diagnostics"])
+        assert len(set(found)) == len(found)
+        assert {("box", 5), ("autotune", 6), ("unknown", 7), ("feed", 4)} <= set(found)
+        assert all({"what", "kind", "harmless"} <= set(one) for name in former for one in facts[name])
+        assert {"what", "kind", "harmless", *former} <= former_keys()
 
 
 @pytest.mark.parametrize("command", COMMANDS)

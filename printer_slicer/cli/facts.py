@@ -61,9 +61,11 @@ def collect_slicing_facts(
         "moves": program.n_moves,
         "link": as_dict(stages.link) if stages.link else None,
         "volume_mm3": round(_compute_part_volume(stages, certificate), 3),
-        "lost_mm3": round(float((stages.walls.lost * plan.height).sum()), 3),
+        "unfilled_mm3": (unfilled := round(float((stages.walls.lost * plan.height).sum()), 3)),
+        "lost_mm3": unfilled,
         "empty_layers": plan.n_layers - len(_find_filled_layers(stages)),
-        "begins_at": _find_lowest_extrusion(stages),
+        "lowest_extrusion_z": (lowest := _find_lowest_extrusion(stages)),
+        "begins_at": lowest,
         **_collect_adhesion_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
@@ -79,11 +81,17 @@ def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
     fed = float(program.filament[(program.role == Role.SKIRT) & (program.layer == 0)].sum())
     brim = (paths.role == Role.BRIM).any()
     short = quality.skirt_min_length - fed if quality.skirt_loops else 0.0
-    return {
-        "skirt_left_out": bool(quality.skirt_loops) and not loops,
-        "skirt_loops_left_out": max(quality.skirt_loops - loops, 0),
-        "skirt_short_mm": round(max(short, 0.0), 3),
-        "brim_left_out": quality.brim_type if quality.brim_width and not brim else None,
+    facts = {
+        "skirt_omitted": bool(quality.skirt_loops) and not loops,
+        "skirt_loops_omitted": max(quality.skirt_loops - loops, 0),
+        "skirt_missing_mm": round(max(short, 0.0), 3),
+        "brim_omitted": quality.brim_type if quality.brim_width and not brim else None,
+    }
+    return facts | {
+        "skirt_left_out": facts["skirt_omitted"],
+        "skirt_loops_left_out": facts["skirt_loops_omitted"],
+        "skirt_short_mm": facts["skirt_missing_mm"],
+        "brim_left_out": facts["brim_omitted"],
     }
 
 
@@ -145,18 +153,19 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty: the part is narrower than one extrusion there")
-    if facts["begins_at"]:
+    if facts["lowest_extrusion_z"]:
         lines.append(
-            f"The part does not touch the bed: its first extrusion starts at z {facts['begins_at']:g}"
+            f"The part does not touch the bed: its first extrusion starts at z {facts['lowest_extrusion_z']:g}"
         )
     lines += _format_link_sentences(facts["link"])
     lines += _format_skirt_sentences(facts)
-    if facts["brim_left_out"]:
-        where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_left_out"], "section")
+    if facts["brim_omitted"]:
+        where = {"inner": "holes", "ears": "sharp corners"}.get(facts["brim_omitted"], "section")
         lines.append(f"No brim was made: the first layer has no {where}")
-    if facts["lost_mm3"] > _LOST_SHARE * facts["volume_mm3"]:
+    if facts["unfilled_mm3"] > _LOST_SHARE * facts["volume_mm3"]:
         lines.append(
-            f"{format_significant(facts['lost_mm3'])} mm³ of the part are narrower than one extrusion and stay empty"
+            f"{format_significant(facts['unfilled_mm3'])} mm³ of the part are narrower than one extrusion "
+            "and stay empty"
         )
     return lines + format_repair_sentences(facts["repairs"]) + _format_mesh_fault_sentences(facts)
 
@@ -200,16 +209,16 @@ def _format_raft(raft: dict[str, Any] | None) -> str:
 
 def _format_skirt_sentences(facts: dict[str, Any]) -> list[str]:
     """Format which loops of the skirt or draft shield are missing, or how much of its length."""
-    if facts["skirt_left_out"]:
+    if facts["skirt_omitted"]:
         return [
             "The skirt is left out: the bed has no room for it; check that prime lines do not cross the part"
         ]
     lines = []
-    if facts["skirt_loops_left_out"]:
-        lines.append(f"Skirt loops left out because the bed has no room: {facts['skirt_loops_left_out']}")
-    if facts["skirt_short_mm"] > _SMALLEST_LENGTH:
+    if facts["skirt_loops_omitted"]:
+        lines.append(f"Skirt loops left out because the bed has no room: {facts['skirt_loops_omitted']}")
+    if facts["skirt_missing_mm"] > _SMALLEST_LENGTH:
         lines.append(
-            f"The bed has no room for skirt_min_length: the skirt is {facts['skirt_short_mm']:g} mm of filament short"
+            f"The bed has no room for skirt_min_length: the skirt is {facts['skirt_missing_mm']:g} mm of filament short"
         )
     return lines
 

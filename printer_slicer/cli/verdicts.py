@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from printer_slicer.cli.jobs import format_notes, list_disallowed_errors
+from printer_slicer.cli.jobs import format_notes, list_diagnostic_facts, list_disallowed_errors, list_notes
 from printer_slicer.cli.output import sanitize
 from printer_slicer.cli.progress import ProgressDisplay
-from printer_slicer.diagnostics import as_json, format_first_error, sentence
+from printer_slicer.diagnostics import as_former_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
 from printer_slicer.jobs import Job
 from printer_slicer.texts import format_duration
 from printer_slicer.values import as_dict
 
 if TYPE_CHECKING:
+    from printer_slicer.diagnostics import Diagnostic
     from printer_slicer.inspection.deposition.record import Deposition
     from printer_slicer.inspection.dry_run.judging import Verdict
     from printer_slicer.profile import Printer, Profile
@@ -135,34 +136,36 @@ def require_printable(verdict: Verdict, job: Job) -> None:
 
 def format_verdict(arguments: argparse.Namespace, verdict: Verdict, job: Job, profile: Profile) -> str:
     """Format the result of a dry run as text: summary, errors, warnings, then facts."""
+    from printer_slicer.inspection.dry_run.judging import summarize
+
     wrong = _list_errors(verdict, job)
-    head = (
-        f"{verdict.job}: no problems" if not wrong else f"{verdict.job}: do not print, {_count_errors(wrong)}"
-    )
+    notes = (one for one in _list_faults(verdict, job) if not one.is_error)
+    warnings = [f"{'warning':<12}{sanitize(sentence(one))}" for one in notes]
+    warnings += format_notes(arguments, job, verdict.faults)
+    head = f"{verdict.job}: {summarize(len(wrong), has_warnings=bool(warnings))}"
     lines = [head, *(f"{'error':<12}{sanitize(one)}" for one in wrong[:_MAX_SHOWN_ERRORS])]
     if len(wrong) > _MAX_SHOWN_ERRORS:
         lines.append(f"{'error':<12}... and {len(wrong) - _MAX_SHOWN_ERRORS} more (--json lists all)")
-    lines += [f"{'warning':<12}{sanitize(one)}" for one in verdict.notes]
-    lines += format_notes(arguments, job)
-    return "\n".join([*lines, *_format_facts(verdict, profile)])
+    return "\n".join([*lines, *warnings, *_format_facts(verdict, profile)])
 
 
 def _list_errors(verdict: Verdict, job: Job) -> list[str]:
     """Return all errors of a dry run as text: its problems, then the lint errors that it did not report."""
-    return [*verdict.problems, *_find_other_lint_errors(verdict, job)]
+    return [*verdict.problems, *map(sentence, _find_other_lint_errors(verdict, job))]
 
 
-def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[str]:
-    """Return a sentence for each lint error that the dry run did not report as a fault."""
+def _list_faults(verdict: Verdict, job: Job) -> list[Diagnostic]:
+    """Return the faults of a dry run, without a warning of high flow if lint reports it as an error."""
+    is_flow_error = any(one.code == "flow" for one in list_disallowed_errors(job))
+    return [one for one in verdict.faults if one.is_error or not (is_flow_error and one.code == "flow")]
+
+
+def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[Diagnostic]:
+    """Return the lint errors that the dry run did not report as faults."""
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
     said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
-    return [sentence(one) for one in list_disallowed_errors(job) if not said.get(one.code, set()) & kinds]
-
-
-def _count_errors(wrong: Sequence[str]) -> str:
-    """Format the number of errors: `1 error`, `2 errors`."""
-    return f"{len(wrong)} error{'s' if len(wrong) > 1 else ''}"
+    return [one for one in list_disallowed_errors(job) if not said.get(one.code, set()) & kinds]
 
 
 def _format_facts(verdict: Verdict, profile: Profile) -> Iterator[str]:
@@ -199,10 +202,10 @@ def _format_executed(verdict: Verdict) -> str:
 def _format_time_difference(verdict: Verdict) -> str:
     """Compare the simulated motion with the estimate that was computed from the commands of the file."""
     ratio = verdict.simulated_seconds / verdict.modelled_seconds - 1 if verdict.modelled_seconds else 0.0
-    difference = f"{ratio:+.2%}"
-    if difference in ("+0.00%", "-0.00%"):
+    if abs(ratio) < 0.5e-4:
         return "motion takes as long as estimated from these commands"
-    return f"motion takes {difference} compared with the estimate from these commands"
+    difference = f"{100 * abs(ratio):.3g} % {'more' if ratio > 0 else 'less'}"
+    return f"motion takes {difference} time than estimated from these commands"
 
 
 def _format_times(verdict: Verdict) -> str:
@@ -242,14 +245,24 @@ def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
     heights = _list_layer_heights(deposition)
     if not len(heights):
         return "none"
-    first, rest = float(heights[0]), heights[1:] if len(heights) > 1 else heights
-    low, high = float(rest.min()), float(rest.max())
-    span = f"{low:.3g} mm" if high - low < 0.0015 else f"{low:.3g} to {high:.3g} mm"
-    summary = f"{len(heights)}, first {first:.3g} mm, others {span}; {heights.sum():.6g} mm high"
+    summary = f"{len(heights)}, {_format_heights(heights)}; {heights.sum():.6g} mm high"
     if not verdict.heights_equal:
         return f"{summary}; NOT at the heights of the file"
     slowest = max(deposition.layers, key=lambda layer: layer.seconds)
     return f"{summary}; slowest layer {slowest.number} takes {format_duration(slowest.seconds)}"
+
+
+def _format_heights(heights: np.ndarray[Any, np.dtype[np.float64]]) -> str:
+    """Format the height of the first layer, and the range of the others."""
+    first, rest = f"first {heights[0]:.3g} mm", heights[1:]
+    if not len(rest):
+        return first
+    low, high = float(rest.min()), float(rest.max())
+    return (
+        f"{first}, others {low:.3g} mm"
+        if high - low < 0.0015
+        else f"{first}, others {low:.3g} to {high:.3g} mm"
+    )
 
 
 def _compute_filament_grams(verdict: Verdict, profile: Profile) -> float:
@@ -297,6 +310,7 @@ def collect_verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[
     """Return the result of a dry run for JSON."""
     report = as_dict(verdict.report)
     report["violations"] = [list(violation) for violation in verdict.report.violations]
+    report["halt_reason"] = verdict.report.killed
     report["underrun_list"] = [list(one) for one in verdict.report.underrun_list]
     return {
         "job": verdict.job,
@@ -311,7 +325,15 @@ def collect_verdict_facts(verdict: Verdict, job: Job, profile: Profile) -> dict[
         "simulated_seconds": round(verdict.simulated_seconds, 3),
         "total_seconds": round(verdict.total_seconds, 3),
         "baud": verdict.baud,
-        "faults": [as_json(fault) for fault in verdict.faults],
+        "diagnostics": list_diagnostic_facts(
+            job,
+            [
+                *_list_faults(verdict, job),
+                *_find_other_lint_errors(verdict, job),
+                *list_notes(job, verdict.faults),
+            ],
+        ),
+        "faults": [as_former_json(fault) for fault in verdict.faults],
         "problems": list(verdict.problems),
         "filament_g": round(_compute_filament_grams(verdict, profile), 3),
         "cost": round(_compute_filament_grams(verdict, profile) / 1000 * profile.material.cost, 4) or None,
@@ -330,6 +352,7 @@ def _collect_material_facts(deposition: Deposition, profile: Profile) -> Mapping
         "travel_seconds": round(deposition.travel, 3),
         "extruder_seconds": round(deposition.extruder, 3),
         "volume_mm3": round(deposition.volume, 3),
+        "volume_without_motion_mm3": round(deposition.standing, 3),
         "volume_standing_mm3": round(deposition.standing, 3),
         "layer_heights": np.round(_list_layer_heights(deposition), 4).tolist(),
         "peak_flow": None

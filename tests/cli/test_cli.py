@@ -280,6 +280,7 @@ def test_a_layer_can_be_drawn_while_slicing(tmp_path: Path) -> None:
 
     assert outcome.code == 0
     assert "layer 3 of" in picture.read_text(encoding="utf-8")
+    assert f"{picture}: layer 3 of the print\n" in outcome.out
 
 
 @pytest.mark.parametrize("number", [0, -1, 999])
@@ -418,6 +419,56 @@ def test_a_sliced_file_rehearses_like_the_model(tmp_path: Path) -> None:
     assert outcome.code == 0
     assert verdict["planned"] is None
     assert verdict["heights"] == document(typed("dry-run", BOX, "--json", *QUICK).out)["heights"]
+
+
+def test_a_dry_run_reports_each_fault_once_with_its_severity(tmp_path: Path) -> None:
+    path = tmp_path / "bad.gcode"
+    path.write_text(
+        "G28\nG90\nM83\nG1 Z0.2 F600\nG1 X500 F1800\nM303 E0\nFOO BAR\nM104 S0\n", encoding="utf-8"
+    )
+    run, checked = typed("dry-run", path, *MACHINE).out, typed("check", path, *MACHINE).out
+
+    assert run.count("M303 E0") == 1
+    assert run.count("FOO BAR") == 1
+    assert re.search(r"(?m)^warning +line 7: FOO: unknown command", checked)
+    assert all(re.search(r"(?m)^warning +line 4: G1 Z0.2 F600: z moves at", out) for out in (run, checked))
+    assert not re.search(r"(?m)^note", run + checked)
+    assert re.search(r"motion takes \d+(\.\d+)? % (less|more) time than estimated", run)
+    assert "layers      none" in run
+
+
+@pytest.mark.parametrize(("most", "result"), [(7, "no errors, only warnings"), (6, "do not print, 1 error")])
+def test_a_dry_run_reports_a_high_flow_once(most: int, result: str, tmp_path: Path) -> None:
+    typed("slice", BOX, "-o", tmp_path / "box.gcode", *QUICK)
+    run = typed("dry-run", tmp_path / "box.gcode", *MACHINE, "--set", f"material.max_flow={most}").out
+
+    assert f"box.gcode: {result}" in run
+    assert run.count(": flow ") == 1
+
+
+@pytest.mark.parametrize("command", ["plan", "dry-run"])
+def test_a_result_names_its_picture(command: str, tmp_path: Path) -> None:
+    outcome = typed(command, BOX, "--picture", "p.svg", *QUICK, cwd=tmp_path)
+
+    assert re.fullmatch(r"picture +p\.svg: the .+", outcome.out.splitlines()[-1])
+    assert typed(command, BOX, *QUICK, cwd=tmp_path).out + outcome.out.splitlines()[-1] + "\n" == outcome.out
+
+
+def test_former_json_keys_of_slice_and_dry_run_still_work(tmp_path: Path) -> None:
+    sliced = document(typed("slice", BOX, "-o", tmp_path / "b.gcode", "--json", *QUICK).out)
+    verdict = document(typed("dry-run", BOX, "--json", *QUICK).out)
+    names = {
+        "lowest_extrusion_z": "begins_at",
+        "unfilled_mm3": "lost_mm3",
+        "brim_omitted": "brim_left_out",
+        "skirt_omitted": "skirt_left_out",
+        "skirt_loops_omitted": "skirt_loops_left_out",
+        "skirt_missing_mm": "skirt_short_mm",
+    }
+
+    assert [sliced[name] for name in names] == [sliced[name] for name in names.values()]
+    assert verdict["printer"]["halt_reason"] == verdict["printer"]["killed"] == ""
+    assert verdict["material"]["volume_without_motion_mm3"] == verdict["material"]["volume_standing_mm3"]
 
 
 # profiles and ports

@@ -16,7 +16,7 @@ from printer_slicer.cli.arguments import (
     add_setting_options,
     parse_positive_integer,
 )
-from printer_slicer.cli.output import print_text, show_stages, write_file
+from printer_slicer.cli.output import describe_picture, print_text, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.simulator_options import add_simulator_options
 
@@ -97,6 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
             format_verdict(arguments, verdict, job, profile),
             *format_injected_faults(faults),
             *format_job_repair_sentences(job),
+            *describe_picture(arguments.picture, "the plate, and time and flow of each layer"),
         ]
         print_text(arguments, "\n".join(lines))
     require_printable(verdict, job)
@@ -109,12 +110,13 @@ def _draw_verdict(verdict: Verdict, job: Job, profile: Profile, path: Path) -> b
     from printer_slicer.diagnostics import sentence
     from printer_slicer.drawing.canvas import encode_picture
     from printer_slicer.drawing.dry_run import FaultMark, draw_dry_run
+    from printer_slicer.inspection.dry_run.judging import summarize
     from printer_slicer.inspection.dry_run.set_points import find_set_points
 
     assert verdict.deposition is not None
     found = [FaultMark(sentence(fault), fault.z, fault.place) for fault in verdict.faults if fault.is_error]
     set_points = find_set_points(job.commands, profile.printer.flavour)
-    title = f"{verdict.job}: {'no problems' if verdict.ok else 'do not print'}"
+    title = f"{verdict.job}: {summarize(len(verdict.problems), has_warnings=bool(verdict.notes))}"
     return encode_picture(
         draw_dry_run(
             verdict.deposition,

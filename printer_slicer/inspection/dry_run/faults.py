@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
@@ -16,6 +15,7 @@ from printer_slicer.inspection.deposition.marks import Defect
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.lint.motion import SHORT_TERM_FLOW
+from printer_slicer.inspection.lint.syntax import is_known_to_a_firmware
 from printer_slicer.jobs import Job
 from printer_slicer.printer_macros import match_end_macro, match_start_macro
 from printer_slicer.profile import Profile
@@ -36,14 +36,6 @@ _MIN_SPEED: Final = 2.0  # mm/s; a slower print has wrong units of F
 _MIN_LENGTH: Final = 50.0  # mm of extrusion; the speed of a shorter print is not checked
 _MAX_STANDSTILL: Final = 0.25  # s; a shorter total of buffer underruns is tolerated
 _SAME_DURATION: Final = 1e-3  # s; if the longest stops differ by less, the first of them is reported
-
-_KNOWN_COMMANDS: Final = re.compile(
-    r"G(?:[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-2])\b"
-    r"|M(?:\d|1\d|2[0-9]|3[0-4]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[1-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
-    r"|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
-)
-"""Commands that the simulated firmware may not know, but at least one real firmware does."""
-
 
 _TURN_OFF_MACRO: Final = "TURN_OFF_HEATERS"
 _MAX_START_COMMANDS: Final = 1000  # start G-code of a file without layer comments
@@ -134,6 +126,12 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
     """Yield a diagnostic for each kind of violation that the printer recorded; count repetitions."""
     reported: set[str] = set()
     known = {(one.code, one.index): one for one in job.findings if one.is_error}
+    # If a rule rejects a command for what it does, "unknown: ignored" would contradict it.
+    rejected = {
+        one.command.partition(" ")[0]
+        for one in job.findings
+        if one.is_error and one.code not in {"unknown", "unreadable"} and is_known_to_a_firmware(one.command)
+    }
     inches = bool(report.violations) and uses_inches(job.commands)
     for violation in report.violations:
         what = violation.text
@@ -143,15 +141,15 @@ def firmware_faults(job: Job, report: Report, comparison: Comparison) -> Iterato
         key = f"{kind} {code}" if rule.code == "unknown" else kind
         if key in reported or not comparison.is_job_command(violation.line):
             continue
+        if rule.code == "unknown" and code in rejected:
+            continue
         if rule.code == "extrusion" and inches and "out of the machine" in reported:
             continue  # both may be caused by wrong units
         reported.add(key)
         same = sum(violation_kind(one.text) == kind and code in one.text for one in report.violations)
         times = same if rule.code == "unknown" else report.violation_counts.get(kind, 1)
         remedy = _INCHES_REMEDY if rule.code == "box" and inches else rule.remedy
-        harmless = kind == _LIFT_BEFORE_HOMING or (
-            rule.code == "unknown" and _KNOWN_COMMANDS.match(code) is not None
-        )
+        harmless = kind == _LIFT_BEFORE_HOMING or (rule.code == "unknown" and is_known_to_a_firmware(code))
         fault = Diagnostic(rule.code, _severity(harmless), what, remedy=remedy, times=times)
         index = comparison.command_of(violation.line)
         yield index, _use_lint_wording(fault, known.get((rule.code, index)))

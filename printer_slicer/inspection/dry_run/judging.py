@@ -32,10 +32,10 @@ from printer_slicer.profile import Profile
 from printer_slicer.repr_svg import Summary, SvgRepr
 from printer_slicer.sim.statistics import MAX_LAYERS, Report
 from printer_slicer.stream.events import Event, Halted
-from printer_slicer.texts import format_duration
+from printer_slicer.texts import format_count, format_duration
 from printer_slicer.values import Struct, replace
 
-__all__ = ["RunContext", "Verdict", "judge"]
+__all__ = ["RunContext", "Verdict", "judge", "summarize"]
 
 TIME_TOLERANCE: Final = 0.01
 """Maximum accepted difference between simulated and estimated time, as a share of the estimated time."""
@@ -107,9 +107,15 @@ class Verdict(SvgRepr, Struct, frozen=True):
             "total": f"{format_duration(self.total_seconds)} with homing and heating",
             "filament": f"{self.report.filament / 1000:.2f} m",
         }
-        count = len(self.problems)
-        state = "no problems" if self.ok else f"do not print, {count} error{'s' if count > 1 else ''}"
+        state = summarize(len(self.problems), has_warnings=bool(self.notes))
         return Summary(f"{self.job}: {state}", facts, self.problems)
+
+
+def summarize(n_errors: int, *, has_warnings: bool) -> str:
+    """Return the result of a dry run in a few words, for headlines."""
+    if n_errors:
+        return f"do not print, {format_count(n_errors, 'error')}"
+    return "no errors, only warnings" if has_warnings else "no problems"
 
 
 class RunContext(NamedTuple):

@@ -20,7 +20,11 @@ from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.motion import MoveChecker
 from printer_slicer.inspection.lint.readiness import ReadinessChecker
-from printer_slicer.inspection.lint.syntax import describe_lower_case_fault, describe_number_faults
+from printer_slicer.inspection.lint.syntax import (
+    describe_lower_case_fault,
+    describe_number_faults,
+    is_known_to_a_firmware,
+)
 from printer_slicer.inspection.lint.table import RULES, Rule
 from printer_slicer.jobs import Job, JobSummary, split_sendable
 from printer_slicer.motion.rules import limits_of
@@ -78,7 +82,8 @@ def scan(
             if command.code == "M221" and (ratio := command.find_largest_number("S")):
                 factors.append((index, ratio / 100))
             for name, severity, message, reason in _check_command(command, line, profile, heat):
-                shown = line.decode("latin-1")
+                # Files may contain an unknown command many times, each time with other words.
+                shown = command.code if name == "unknown" else line.decode("latin-1")
                 key = (name, severity, message, shown)
                 old = found.get(key)
                 found[key] = (
@@ -133,9 +138,22 @@ def _check_command(
         yield "unreadable", "error", message, "Firmwares interpret it differently"
     if command.code[:1] == "D" and command.code[1:].lstrip("-").isdigit():
         yield "debug", "error", "is a debug command", "It may read and write memory and pins"
+    if not command.further and _is_unknown(command, profile):
+        yield "unknown", "warning", "unknown command", "The printer ignores this command"
     scripted = command.code in _SCRIPT_KEYWORDS and "_" not in command.code
     if scripted or (command.code in _STATE_COMMANDS and (command.further or "{" in command.text)):
         yield "unreadable", "error", "cannot be interpreted", "Its effect depends on the firmware"
+
+
+def _is_unknown(command: LintCommand, profile: Profile) -> bool:
+    """Return whether no firmware of this kind knows a command; macros (`PRINT_START`) and scripts do not count."""
+    code = command.code
+    if "_" in code or "=" in command.text:
+        return False
+    if FLAVOURS[profile.printer.flavour].extended_commands or code in _SCRIPT_KEYWORDS or code in _RULES:
+        return False
+    is_debug = code[:1] == "D" and code[1:].lstrip("-").isdigit()
+    return bool(code) and not is_debug and not is_known_to_a_firmware(code)
 
 
 def lint_file(path: Path, profile: Profile, *, streamed: bool = True) -> Job:

@@ -14,7 +14,14 @@ from printer_slicer.firmware import FIRMWARES, FLAVOURS
 from printer_slicer.gcode.commands import TABLE, Effect, find_codes_as_text, takes_text
 from printer_slicer.gcode.lexer import LintCommand, parse, split_code, split_line_number
 
-__all__ = ["describe_lower_case_fault", "describe_number_faults"]
+__all__ = ["describe_lower_case_fault", "describe_number_faults", "is_known_to_a_firmware"]
+
+_KNOWN_COMMANDS: Final = re.compile(
+    r"G(?:0?[0-6]|1[0-2]|1[7-9]|2[0-9]|3[0-8]|42|5[3-9]|6[01]|76|80|9[0-24]|425)\b"
+    r"|M(?:\d|1\d|2[0-9]|3[0-46-8]|4[238]|7[2-8]|8[0-6]|92|9[38]|1[0-6]\d|19[0-3]|2\d\d|30[0-9]|3[567]\d|38[0-2]|4[0-3]\d"
+    r"|47[12]|48[0-9]|49[0-9]|5[0-9]\d|6[0-7]\d|7[01]\d|8[01]\d|85\d|86\d|87\d|88\d|89\d|9\d\d|100\d)\b|T\d|@"
+)
+"""Commands that at least one firmware knows, the simulated or a real one."""
 
 _ALL_LETTERS: Final = "ABCDEFHIJKLPQRSTUVWXYZ"
 _NUMBER_LETTERS: Final[Mapping[str, str]] = {
@@ -33,6 +40,11 @@ _FLAGS: Final = frozenset({("M220", "R")})
 _WORD: Final = re.compile(r"([A-Z]) *([-+]?(?:NAN|INF(?:INITY)?)(?![A-Z])|[-+.0-9]*)")
 _VALID_NUMBER: Final = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _EXPRESSION: Final = re.compile(r"\{[^}]*\}")
+
+
+def is_known_to_a_firmware(command: str) -> bool:
+    """Return whether at least one firmware without named commands knows a command."""
+    return _KNOWN_COMMANDS.match(command) is not None
 
 
 def describe_number_faults(command: LintCommand, flavour: str) -> Iterator[str]:

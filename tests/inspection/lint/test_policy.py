@@ -447,7 +447,7 @@ def test_any_lines_can_be_scanned_and_findings_are_in_order(lines: list[str]) ->
 
     assert all(0 <= one.index < len(commands) and one.times >= 1 for one in findings)
     assert all(before.index <= after.index for before, after in pairwise(findings))
-    assert {one.code for one in findings} <= set(NAMES)
+    assert {one.code for one in findings} <= {*NAMES, "unknown"}
 
 
 @given(st.lists(st.sampled_from(HARM["eeprom"] + HARM["halt"] + HARM["temperature"]), min_size=1, max_size=5))
@@ -584,3 +584,13 @@ def test_moves_that_come_piece_by_piece_are_judged_like_all_at_once(size: int) -
 
     assert {"box", "feed", "flow"} <= {one.code for one in found}
     assert set(found) == set(scan(commands, PROFILE))
+
+
+def test_a_command_that_no_firmware_knows_is_a_warning() -> None:
+    found = scan([b"FOO BAR", b"FOO BAZ", b"M190 S60", b"G425"], PROFILE)
+    klipper = load_profile("corexy_klipper")
+
+    assert [(one.code, one.severity, one.command, one.times) for one in found] == [
+        ("unknown", "warning", "FOO", 2)
+    ]
+    assert scan([b"FOO BAR"], klipper) == ()
