@@ -93,12 +93,9 @@ def run(arguments: argparse.Namespace) -> int:
         facts |= list_injected_fault_facts(faults) | collect_profile_facts(arguments)
         print(json.dumps(facts))
     else:
-        lines = [
-            format_verdict(arguments, verdict, job, profile),
-            *format_injected_faults(faults),
-            *format_job_repair_sentences(job),
-            *describe_picture(arguments.picture, "the plate, and time and flow of each layer"),
-        ]
+        lines = [format_verdict(arguments, verdict, job, profile), *format_injected_faults(faults)]
+        lines += format_job_repair_sentences(job)
+        lines += describe_picture(arguments.picture, "the plate, and time and flow of each layer")
         print_text(arguments, "\n".join(lines))
     require_printable(verdict, job)
     require_no_errors(job)

@@ -124,14 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps(plans | plate.collect_facts() | collect_profile_facts(arguments)))
     elif not arguments.quiet:
         print(_format_plans(arguments, table, rows))
-        print(
-            "\n".join(
-                [
-                    *_format_certificate(_format_plan_name(profile), facts, repaired),
-                    *describe_picture(arguments.picture, "the chosen plan"),
-                ]
-            )
-        )
+        print("\n".join(_format_certificate(arguments, _format_plan_name(profile), facts, repaired)))
     return 0
 
 
@@ -140,12 +133,15 @@ def _find_print_time(rows: list[dict[str, object]], name: str) -> float:
     return next(float(str(row["seconds"])) for row in rows if row["plan"] == name)
 
 
-def _format_certificate(plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]) -> list[str]:
-    """Format the certificate of the chosen plan, and the repairs of the part."""
+def _format_certificate(
+    arguments: argparse.Namespace, plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]
+) -> list[str]:
+    """Format the certificate of the chosen plan, the repairs of the part, and the name of the picture."""
     from printer_slicer.cli.facts import format_certificate_sentences, format_repair_sentences
 
     lines = [*format_certificate_sentences(facts), *format_repair_sentences(repairs)]
-    return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines)]
+    shown = describe_picture(arguments.picture, "the chosen plan")
+    return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines), *shown]
 
 
 def _list_layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
