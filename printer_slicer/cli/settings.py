@@ -90,6 +90,9 @@ def load_selected_profile(
 def _name_options(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
     """Name the typed option in an error that begins with a setting which the option changed; return the error."""
     message = str(error.args[0])
+    if error.remedy.startswith("Convert it with ") and hasattr(arguments, "load"):
+        use = "Pass it with --load instead, or c"
+        return ProfileError(message, remedy=f"{use}{error.remedy[1:]}")
     place, _, problem = message.partition(": ")
     full, _, shown = place.partition("=")
     for option, change in _list_typed_changes(arguments):

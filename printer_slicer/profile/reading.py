@@ -278,8 +278,7 @@ def _check_format(path: Path, asked_by: str = "") -> None:
     if path.suffix.lower() in _OTHER_FORMATS and path.is_file():
         raise ProfileError(
             f"{asked_by}{path}: not a profile of this program, which is a .toml file",
-            remedy=f"To slice with the settings in it, use --load {path}; "
-            f"to convert them, `printer-slicer profiles import {path}`",
+            remedy=f"Convert it with `printer-slicer profiles import {path}`",
         )
 
 

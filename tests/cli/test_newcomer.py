@@ -173,9 +173,9 @@ SUGGESTS = [
     ("slice {part} --load {orca}", "printer-slicer profiles import {orca} --folder FOLDER"),
     (
         "slice {part} --printer {config}",
-        "use --load {config}; to convert them, `printer-slicer profiles import",
+        "Pass it with --load instead, or convert it with `printer-slicer profiles import",
     ),
-    ("slice {part} --quality {orca}", "use --load {orca}; to convert them, `printer-slicer profiles import"),
+    ("slice {part} --quality {orca}", "Pass it with --load instead, or convert it with `printer-slicer profiles import"),
     ("profiles show printer Ender 3", 'profiles show printer "Ender 3"'),
     ("profiles show {config}", "{config}: not a profile of this program, which is a .toml file"),
     ("slice {part} --fill-density 20%", "--infill PERCENT"),

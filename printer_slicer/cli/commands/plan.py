@@ -32,7 +32,7 @@ __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
   printer-slicer plan part.stl --picture plan.png
-  printer-slicer plan part.stl --compare --printer "Ender 3"
+  printer-slicer plan part.stl --compare --printer creality_ender3
   printer-slicer plan part.stl --tolerance 0.05 --heights 0.1:0.3:0.02
   printer-slicer plan part.stl --paper-tables
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
