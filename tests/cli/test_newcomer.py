@@ -175,7 +175,10 @@ SUGGESTS = [
         "slice {part} --printer {config}",
         "Pass it with --load instead, or convert it with `printer-slicer profiles import",
     ),
-    ("slice {part} --quality {orca}", "Pass it with --load instead, or convert it with `printer-slicer profiles import"),
+    (
+        "slice {part} --quality {orca}",
+        "Pass it with --load instead, or convert it with `printer-slicer profiles import",
+    ),
     ("profiles show printer Ender 3", 'profiles show printer "Ender 3"'),
     ("profiles show {config}", "{config}: not a profile of this program, which is a .toml file"),
     ("slice {part} --fill-density 20%", "--infill PERCENT"),
