@@ -21,8 +21,8 @@ from typing import Final
 from benchmarks.processes import SAMPLES, ours, run
 
 BUDGET: Final[Mapping[str, float]] = {
-    "slice box.stl, process": 4.24,
-    "dry-run box.gcode, process": 2.80,
+    "slice box.stl, process": 1.70,
+    "dry-run box.gcode, process": 1.40,
     "slice vase.stl, warm": 12.66,
     "slice case_study.stl, warm": 7.90,
 }
