@@ -89,10 +89,12 @@ def load_selected_profile(
 
 def _name_options(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:
     """Name the typed option in an error that begins with a setting which the option changed; return the error."""
+    from printer_slicer.profile.reading import OtherFormatError
+
     message = str(error.args[0])
-    if error.remedy.startswith("Convert it with ") and hasattr(arguments, "load"):
-        use = "Pass it with --load instead, or c"
-        return ProfileError(message, remedy=f"{use}{error.remedy[1:]}")
+    if isinstance(error, OtherFormatError) and hasattr(arguments, "load"):
+        other_way = error.remedy[:1].lower() + error.remedy[1:]
+        return ProfileError(message, remedy=f"Pass it with --load instead, or {other_way}")
     place, _, problem = message.partition(": ")
     full, _, shown = place.partition("=")
     for option, change in _list_typed_changes(arguments):
@@ -276,7 +278,7 @@ def _describe_translation(setting: FamiliarSetting, changes: Sequence[str]) -> s
 
 
 def _translate_overrides(arguments: argparse.Namespace) -> None:
-    """Replace settings of other slicers in --range and --set-for, and print each replacement.
+    """Replace settings of other slicers in --range and --set-for, and note each replacement.
 
     Raises:
         UsageError: a setting of another slicer has no counterpart, or a name is ambiguous.

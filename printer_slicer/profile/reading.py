@@ -28,6 +28,7 @@ from printer_slicer.toml_text import MOST_BYTES, TomlError, find_key_lines, pars
 __all__ = [
     "DEFAULT_NAMES",
     "KINDS",
+    "OtherFormatError",
     "SettingsSource",
     "find_profile_file",
     "find_profile_kind",
@@ -269,14 +270,18 @@ def find_profile_file(
     return _find_by_display_name(kind, name, folders, asked_by)
 
 
+class OtherFormatError(ProfileError):
+    """A file named as a profile has the format of another slicer."""
+
+
 def _check_format(path: Path, asked_by: str = "") -> None:
     """Check that a path, which need not exist, is not a file with settings of another slicer.
 
     Raises:
-        ProfileError: it is one, or a project or G-code.
+        OtherFormatError: it is one, or a project or G-code.
     """
     if path.suffix.lower() in _OTHER_FORMATS and path.is_file():
-        raise ProfileError(
+        raise OtherFormatError(
             f"{asked_by}{path}: not a profile of this program, which is a .toml file",
             remedy=f"Convert it with `printer-slicer profiles import {path}`",
         )
