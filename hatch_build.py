@@ -86,7 +86,7 @@ def compile_kernel(source: Path, folder: Path) -> Path:
         raise NoKernelError("setuptools was missing when installed") from None
     module = Extension(
         "_kernel",
-        [str(source / "kernel.cpp")],
+        sorted(str(file) for file in source.glob("*.cpp")),
         include_dirs=[str(source), str(source / "standard")],
         define_macros=[("Py_LIMITED_API", f"0x{PYTHON[0]:02X}{PYTHON[1]:02X}0000")],
         extra_compile_args=FLAGS_MSVC if sys.platform == "win32" else FLAGS,

@@ -1,6 +1,6 @@
 """The compiled kernel: a C++ module for the slowest steps, which an installation has if a compiler was there.
 
-Without it, Python code computes the same results. kernel/kernel.cpp is the source, and hatch_build.py compiles it. If
+Without it, Python code computes the same results. hatch_build.py compiles it from the files of kernel/. If
 PRINTER_SLICER_KERNEL is `off`, the kernel is neither compiled nor used.
 """
 

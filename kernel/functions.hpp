@@ -1,0 +1,10 @@
+// The functions of the module; each is in a file of its own, which hatch_build.py compiles with kernel.cpp.
+
+#ifndef PRINTER_SLICER_FUNCTIONS
+#define PRINTER_SLICER_FUNCTIONS
+
+#include "python.hpp"
+
+PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
+
+#endif

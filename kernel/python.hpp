@@ -1,0 +1,88 @@
+// What functions of the kernel share: arguments and results as arrays of bytes, and exceptions of Python.
+
+#ifndef PRINTER_SLICER_PYTHON
+#define PRINTER_SLICER_PYTHON
+
+#define PY_SSIZE_T_CLEAN
+#ifndef Py_LIMITED_API
+#define Py_LIMITED_API 0x030B0000  // CPython 3.11 and later
+#endif
+#include <Python.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <vector>
+
+// Input that is not what a function expects; it becomes a ValueError.
+struct Invalid {
+  const char* message;
+};
+
+// Numbers of 8 bytes in an object with the buffer protocol.
+class Numbers {
+ public:
+  explicit Numbers(PyObject* object) { valid_ = !PyObject_GetBuffer(object, &view_, PyBUF_SIMPLE); }
+  ~Numbers() {
+    if (valid_) PyBuffer_Release(&view_);
+  }
+  Numbers(const Numbers&) = delete;
+  Numbers& operator=(const Numbers&) = delete;
+
+  bool valid() const { return valid_; }
+  bool is_whole() const { return view_.len % 8 == 0 && reinterpret_cast<std::uintptr_t>(view_.buf) % 8 == 0; }
+  std::size_t size() const { return static_cast<std::size_t>(view_.len) / 8; }
+  const std::int64_t* data() const { return static_cast<const std::int64_t*>(view_.buf); }
+  const double* doubles() const { return static_cast<const double*>(view_.buf); }
+
+ private:
+  Py_buffer view_;
+  bool valid_;
+};
+
+template <typename T>
+PyObject* to_bytes(const std::vector<T>& values) {
+  return PyBytes_FromStringAndSize(reinterpret_cast<const char*>(values.data()),
+                                   static_cast<Py_ssize_t>(values.size() * sizeof(T)));
+}
+
+// Returns a tuple of one object of bytes per array.
+template <typename... Arrays>
+PyObject* to_tuple(const Arrays&... arrays) {
+  PyObject* result = PyTuple_New(sizeof...(arrays));
+  Py_ssize_t place = 0;
+  const auto append = [&](PyObject* part) {
+    if (result && (!part || PyTuple_SetItem(result, place++, part))) {
+      Py_DECREF(result);
+      result = nullptr;
+    } else if (!result) {
+      Py_XDECREF(part);
+    }
+  };
+  (append(to_bytes(arrays)), ...);
+  return result;
+}
+
+// Runs code that uses nothing of Python, without the GIL; returns whether it succeeded. If not, an exception is set.
+template <typename Code>
+bool run(const Code& code) {
+  PyObject* error = nullptr;
+  const char* message = "";
+  PyThreadState* state = PyEval_SaveThread();
+  try {
+    code();
+  } catch (const Invalid& invalid) {
+    error = PyExc_ValueError;
+    message = invalid.message;
+  } catch (const std::bad_alloc&) {
+    error = PyExc_MemoryError;
+  } catch (...) {
+    error = PyExc_RuntimeError;
+    message = "the kernel failed";
+  }
+  PyEval_RestoreThread(state);
+  if (error) PyErr_SetString(error, message);
+  return !error;
+}
+
+#endif
