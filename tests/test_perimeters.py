@@ -267,3 +267,29 @@ def test_gentle_overhangs_and_bridges_get_none() -> None:
         more = lay_walls(sections, plain(perimeters=2, extra_perimeters=True))
 
         assert more.paths.n_paths == usual.paths.n_paths
+
+
+def test_repeated_layers_have_the_perimeters_that_they_have_alone() -> None:
+    """Layers of five kinds, also with narrow places, repeated in any order; the first one and one other differ."""
+    solid = sections_of(sphere(1.6), (0.1, 0.2, 0.4, 0.8, 1.2)).solid
+    source = np.array([0, 1, 0, 2, 2, 4, 0, 3, 4, 1, 0])
+    tops = np.cumsum([0.3, *[0.2] * 8, 0.25, 0.2])
+    stack = solid.copy_layers(source)
+    profile = plain(perimeters=3)
+    walls = lay_walls(Sections(LayerPlan.from_tops(tops), stack), profile)
+
+    for layer, height in enumerate(np.diff(tops, prepend=0)):
+        below = [height] if layer == 0 else [tops[0], tops[0] + height]
+        copies = stack.copy_layers(np.full(len(below), layer))
+        alone = lay_walls(Sections(LayerPlan.from_tops(np.array(below)), copies), profile)
+        own, other = (
+            one.paths.take(np.flatnonzero(one.paths.layer == at))
+            for one, at in ((walls, layer), (alone, len(below) - 1))
+        )
+        assert own.role.tolist() == other.role.tolist()
+        assert own.start.tolist() == other.start.tolist()
+        assert own.height.tolist() == pytest.approx(other.height.tolist(), abs=1e-9)
+        assert own.width == pytest.approx(other.width, abs=1e-9)
+        assert own.xy == pytest.approx(other.xy, abs=1e-9)
+        assert walls.inside.area()[layer] == pytest.approx(alone.inside.area()[-1], abs=1e-9)
+        assert walls.lost[layer] == pytest.approx(alone.lost[-1], abs=1e-9)

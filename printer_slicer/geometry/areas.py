@@ -192,6 +192,20 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
         entry = np.repeat(np.arange(len(layers)), count)
         return self.restacked(consecutive(bounds[layers], count), entry, len(layers))
 
+    def find_first_equal_layers(self, *of_layer: Float) -> Int:
+        """Return for each layer (L,) the first layer that has the same rings, and the same values in arrays (L,)."""
+        values, bounds, points = (
+            np.stack([*of_layer, np.zeros(self.n_layers)], axis=1),
+            self.layer_start,
+            self.xy,
+        )
+        size, seen, result = np.diff(self.ring_start), dict[tuple[bytes, ...], int](), []
+        for layer, (begin, end) in enumerate(zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)):
+            rings = points[self.ring_start[begin] : self.ring_start[end]]
+            key = rings.tobytes(), size[begin:end].tobytes(), values[layer].tobytes()
+            result.append(seen.setdefault(key, layer))
+        return np.array(result, np.int64)
+
     def shift_layers(self, by: int) -> Areas:
         """Shift areas up: each layer gets the area of the layer `by` indices below it (above it, if negative)."""
         layer = self.ring_layer + by

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.geometry import Areas, ConnectedAreas
 from printer_slicer.model import LayerPlan, Toolpaths, reorder_ragged
 from printer_slicer.perimeters.beading import Beading
@@ -41,7 +41,7 @@ class FillResult(Struct, frozen=True, eq=False):
 def make_loops(
     areas: Areas, plan: LayerPlan, profile: Profile, loops: int, *, outermost: bool = True
 ) -> FillResult:
-    """Make loops around areas, of variable width where these are narrow.
+    """Make loops around areas, of variable width where these are narrow; equal layers are computed once.
 
     Args:
         areas: clean areas.
@@ -52,6 +52,8 @@ def make_loops(
             simplified, and one more line is placed between all loops where it fits.
     """
     width = bead.layer_widths(plan.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    first = areas.find_first_equal_layers(width, plan.height)
+    areas = areas.of_layers(first)
     gap = bead.spacing(width, plan.height)
     varying, has_middle = profile.quality.varying_walls, not outermost
     least = (
@@ -73,7 +75,27 @@ def make_loops(
         _make_loop_paths(plan, ordinary, width, role),
         _make_varying_paths(plan, own, narrow, role, Role.PERIMETER)[0],
     ]
-    return FillResult(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
+    result = FillResult(Toolpaths.joined(plan, paths), inside.merge(narrow.inside), lost + narrow.lost)
+    return result if (first == own).all() else _copy_layers(result, first)
+
+
+def _copy_layers(made: FillResult, source: Int) -> FillResult:
+    """Give each layer the result of the layer `source` (L,), which has the same height."""
+    paths, layers = made.paths, np.arange(len(source))
+    bounds = np.searchsorted(paths.layer, np.append(layers, len(source)))
+    count = np.diff(bounds)[source]
+    chosen = consecutive(bounds[source], count)
+    (xy, width), size = reorder_ragged((paths.xy, paths.width), np.diff(paths.start), chosen)
+    copies = Toolpaths.gathered(
+        paths.plan,
+        xy=xy,
+        size=size,
+        layer=np.repeat(layers, count),
+        role=paths.role[chosen],
+        width=width,
+        closed=paths.closed[chosen],
+    )
+    return FillResult(copies, made.rest.copy_layers(source), made.lost[source])
 
 
 def fill_narrow(

@@ -112,6 +112,22 @@ def test_layers_are_taken_as_often_as_they_are_named(stack: Areas, source: list[
         assert [ring.tolist() for ring in made.rings(layer)] == [ring.tolist() for ring in stack.rings(k)]
 
 
+@given(areas(3), st.lists(st.integers(0, 2), max_size=6), st.data())
+def test_equal_layers_are_found(stack: Areas, source: list[int], data: st.DataObject) -> None:
+    made = stack.copy_layers(np.array(source, np.int64))
+    heights = data.draw(st.lists(st.sampled_from([0.1, 0.2]), min_size=len(source), max_size=len(source)))
+    alike = [([ring.tolist() for ring in made.rings(layer)], height) for layer, height in enumerate(heights)]
+
+    assert made.find_first_equal_layers(np.array(heights)).tolist() == [alike.index(one) for one in alike]
+
+
+def test_layers_of_the_same_points_in_other_rings_are_not_equal() -> None:
+    eight = np.concatenate([box(0, 0, 4, 4), box(5, 0, 9, 4)])
+    stack = Areas.from_rings([[eight[:4], eight[4:]], [eight[:5], eight[5:]], [eight[:4], eight[4:]]])
+
+    assert stack.find_first_equal_layers().tolist() == [0, 1, 0]
+
+
 @given(areas(3), st.lists(st.integers(0, 2), max_size=6))
 def test_layers_are_chosen_by_a_mask_or_by_their_numbers(stack: Areas, numbers: list[int]) -> None:
     mask = np.array([layer in numbers for layer in range(3)])
