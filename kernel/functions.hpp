@@ -5,6 +5,7 @@
 
 #include "python.hpp"
 
+PyObject* facing_boxes(PyObject*, PyObject* arguments);      // facing.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
 
 #endif

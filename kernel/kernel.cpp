@@ -6,9 +6,10 @@
 
 namespace {
 
-constexpr int INTERFACE = 1;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 2;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
+    {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };

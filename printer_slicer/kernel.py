@@ -17,12 +17,28 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 1  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 2  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
 class Kernel(Protocol):
     """Functions of the kernel. Arguments and results are arrays of int64 or float64 as bytes, in native order."""
+
+    def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
+        """Find the parts of outlines that face each other; see `printer_slicer.perimeters.facing_sides`.
+
+        Args:
+            sides: (S, 11) float64: begin, end, normal and previous normal of each side, x and y each; its layer and the
+                largest distance between facing sides; and 1 if the corner at the begin points into the area, or else 0.
+            cosine: of the largest angle between facing sides.
+
+        Returns:
+            (S, 4) float64: lowest and highest corner of the box around the part of each side that faces another one.
+            Without any, they are infinite.
+
+        Raises:
+            ValueError: a side does not have 11 numbers.
+        """
 
     def voronoi_diagrams(
         self, sides: memoryview, counts: memoryview, /

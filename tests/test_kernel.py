@@ -8,25 +8,28 @@ import sys
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.medial_axis import MedialAxis, medial_axis
 from printer_slicer.geometry.voronoi_diagram import Diagram, compute_diagrams
 from printer_slicer.kernel import VARIABLE, describe_kernel, load_kernel
 from printer_slicer.model import Mesh
+from printer_slicer.perimeters.facing_sides import find_facing_sides
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from tests.kernels import KERNEL, SAME_BITS, needs_kernel
 from tests.parts import box_with_hole, case_study, plain, prism
-from tests.strategies import clean_areas, rectilinear_areas
+from tests.strategies import box, clean_areas, rectilinear_areas
 from tests.waiting import LAST_RESORT
 
 same_bits = pytest.mark.skipif(not SAME_BITS, reason="pyvoronoi may round otherwise on this processor")
 
 
-def differences(one: Diagram | MedialAxis, other: Diagram | MedialAxis) -> list[str]:
+def differences(one: Boxes | Diagram | MedialAxis, other: Boxes | Diagram | MedialAxis) -> list[str]:
     """Names of the arrays of which not every bit is equal."""
     names = type(one).__annotations__
     pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
@@ -44,6 +47,12 @@ def diagrams_with(kernel: str, steps: np.ndarray, areas: np.ndarray) -> Diagram:
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv(VARIABLE, kernel)
         return compute_diagrams(steps / 100_000, areas)
+
+
+def facing_with(kernel: str, areas: Areas, distance: list[float]) -> Boxes:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv(VARIABLE, kernel)
+        return find_facing_sides(areas, np.array(distance), np.deg2rad(26))
 
 
 def sliced_with(kernel: str, part: Mesh, wanted: Profile) -> bytes:
@@ -121,6 +130,29 @@ def test_medial_axes_of_right_angles_are_the_same_to_the_last_bit(areas: Areas) 
 
 
 @needs_kernel
+@given(clean_areas(2) | rectilinear_areas(2), st.floats(0.1, 3), st.floats(0.1, 3))
+def test_facing_sides_are_the_same(areas: Areas, one: float, other: float) -> None:
+    assert differences(*(facing_with(kernel, areas, [one, other]) for kernel in ("off", "required"))) == []
+
+
+@needs_kernel
+@pytest.mark.parametrize("distance", [0.5, 0.9, 1.2])
+def test_facing_sides_of_narrow_strips_are_the_same(distance: float) -> None:
+    """Three strips from 0.3 to 1.2 mm wide with bends, and a hole beside a straight side."""
+    rng = np.random.default_rng(3)
+    x = np.linspace(0, 20, 40)
+    rings = []
+    for k, width in enumerate([0.3, 0.8, 1.2]):
+        low = np.column_stack([x, 5 * k + rng.normal(0, 0.05, len(x))])
+        rings.append(np.concatenate([low, np.add(low, [0, width])[::-1]]))
+    areas = Areas.from_rings([rings, [box(0, 0, 9, 9), box(4, 0.6, 8, 8)[::-1]]])
+    found = [facing_with(kernel, areas, [distance] * 2) for kernel in ("off", "required")]
+
+    assert len(found[0].layer) > 3
+    assert differences(*found) == []
+
+
+@needs_kernel
 @same_bits
 @pytest.mark.parametrize("size", [2**10, 10**5, 2**21])
 def test_diagrams_of_nearly_parallel_sides_are_the_same_to_the_last_bit(size: int) -> None:
@@ -176,6 +208,17 @@ def test_wrong_input_is_an_error(
 
     with pytest.raises(ValueError, match=message):
         kernel.voronoi_diagrams(sides.data, np.array(counts, np.int64).data)
+
+
+@needs_kernel
+def test_sides_without_all_their_numbers_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    assert kernel.facing_boxes(np.zeros((0, 11)).data, 0.9) == b""
+    with pytest.raises(ValueError, match="11 numbers"):
+        kernel.facing_boxes(np.zeros((2, 8)).data, 0.9)
 
 
 @needs_kernel

@@ -13,6 +13,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
 
 __all__ = ["find_facing_sides"]
@@ -31,24 +32,44 @@ def find_facing_sides(areas: Areas, distance: Float, max_angle: float) -> Boxes:
         distance: (L,) mm, largest distance between facing sides or corners.
         max_angle: radians, largest angle between facing sides.
     """
+    sides, kernel = _OutlineSides.of(areas), load_kernel()
     boxes = Boxes.of_sides(areas)
     low, high, layer = boxes.low, boxes.high, boxes.layer
-    a, b = boxes.expand(distance[layer] / 2).find_neighbours()
-    found = _OutlineSides.of(areas).is_facing(a, b, max_angle, distance[layer[a]])
-    a, b = a[found], b[found]
-    reach = distance[layer[a], None]
+    if kernel is None:
+        box_low, box_high = _find_facing_parts(sides, boxes, max_angle, distance[layer])
+    else:
+        numbers = [sides.begin, sides.end, sides.normal, sides.normal_before]
+        numbers.append(np.column_stack([layer, distance[layer], sides.inward]))
+        found = kernel.facing_boxes(np.concatenate(numbers, axis=1).data, float(np.cos(max_angle)))
+        box_low, box_high = np.hsplit(np.frombuffer(found).reshape(-1, 4).copy(), 2)
     small = _mark_small_rings(areas, distance)
-    between_low = np.maximum(low[a], low[b] - reach), np.maximum(low[b], low[a] - reach)
-    between_high = np.minimum(high[a], high[b] + reach), np.minimum(high[b], high[a] + reach)
-    box_low, box_high = np.full_like(low, np.inf), np.full_like(low, -np.inf)
-    for side, some_low, some_high in zip((a, b), between_low, between_high, strict=True):
-        np.minimum.at(box_low, side, some_low)
-        np.maximum.at(box_high, side, some_high)
     box_low[small], box_high[small] = np.minimum(box_low, low)[small], np.maximum(box_high, high)[small]
     chosen = np.flatnonzero(box_low[:, 0] < np.inf)
     return _merge_boxes(
         Boxes(box_low[chosen], box_high[chosen], layer[chosen]), float(distance.max(initial=0.0))
     )
+
+
+def _find_facing_parts(
+    sides: _OutlineSides, boxes: Boxes, max_angle: float, reach: Float
+) -> tuple[Float, Float]:
+    """Return the box around the part of each side that faces another side within `reach` (S,) mm.
+
+    Returns:
+        The lowest and highest corner of each box (S, 2); these are infinite for sides without such a part.
+    """
+    low, high = boxes.low, boxes.high
+    a, b = boxes.expand(reach / 2).find_neighbours()
+    found = sides.is_facing(a, b, max_angle, reach[a])
+    a, b = a[found], b[found]
+    far = reach[a, None]
+    between_low = np.maximum(low[a], low[b] - far), np.maximum(low[b], low[a] - far)
+    between_high = np.minimum(high[a], high[b] + far), np.minimum(high[b], high[a] + far)
+    box_low, box_high = np.full_like(low, np.inf), np.full_like(low, -np.inf)
+    for side, some_low, some_high in zip((a, b), between_low, between_high, strict=True):
+        np.minimum.at(box_low, side, some_low)
+        np.maximum.at(box_high, side, some_high)
+    return box_low, box_high
 
 
 def _merge_boxes(boxes: Boxes, size: float) -> Boxes:
