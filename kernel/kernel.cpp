@@ -2,6 +2,7 @@
 //
 // hatch_build.py compiles it, without contraction of floating-point operations, because results depend on each rounding.
 
+#include "clipper2/clipper.version.h"
 #include "functions.hpp"
 
 namespace {
@@ -10,11 +11,17 @@ constexpr int INTERFACE = 2;  // increase it with every change that callers or r
 
 PyMethodDef methods[] = {
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
+    {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
+    {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
+    {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };
 
-int set_up(PyObject* module) { return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE); }
+int set_up(PyObject* module) {
+  if (PyModule_AddStringConstant(module, "CLIPPER2_VERSION", CLIPPER2_VERSION)) return -1;
+  return PyModule_AddIntConstant(module, "INTERFACE", INTERFACE);
+}
 
 PyModuleDef_Slot slots[] = {
     {Py_mod_exec, reinterpret_cast<void*>(set_up)},

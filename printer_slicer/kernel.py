@@ -21,8 +21,57 @@ _INTERFACE: Final = 2  # of the functions that are called here; the same number 
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
+Buffer = Any
+"""An object with the buffer protocol, such as an array: `collections.abc.Buffer` of Python 3.12."""
+
+
 class Kernel(Protocol):
-    """Functions of the kernel. Arguments and results are arrays of int64 or float64 as bytes, in native order."""
+    """Functions of the kernel. Arguments and results are arrays of int64 or float64 as bytes, in native order.
+
+    Areas are three arrays: `xy`, `ring_start` and `ring_layer` of `Areas`.
+    """
+
+    CLIPPER2_VERSION: str
+
+    def combine_areas(self, operation: int, /, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
+        """Combine two areas layer by layer as `printer_slicer.geometry.clipper` does, on its grid.
+
+        Args:
+            operation: 0 union, 1 difference, 2 intersection.
+            areas: six arrays, of both areas.
+
+        Returns:
+            The arrays of the result.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
+    def find_spikes(self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, /) -> bytes:
+        """Return a mask (N,) of the points of areas that are spikes; see `printer_slicer.geometry.spikes`.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
+    def miter_areas(
+        self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, distance: Buffer, limit: float, /
+    ) -> tuple[bytes, bytes, bytes]:
+        """Move the rings of areas outward; see `printer_slicer.geometry.mitering`.
+
+        Args:
+            xy: first of the three arrays of the areas.
+            ring_start: second array.
+            ring_layer: third array.
+            distance: (R,) float64, mm.
+            limit: corners with a point farther away than this many distances are cut off square.
+
+        Returns:
+            The arrays of the moved rings on the grid; those without area are left out.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
 
     def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
         """Find the parts of outlines that face each other; see `printer_slicer.perimeters.facing_sides`.

@@ -28,7 +28,20 @@ from printer_slicer.geometry.polygons import (
 )
 from printer_slicer.geometry.spikes import remove_spikes
 
-__all__ = ["combine", "load", "load_any", "offset", "offset_open", "outlines_within", "store", "stroke"]
+__all__ = [
+    "CLIPPER2_VERSION",
+    "combine",
+    "concatenate",
+    "load",
+    "load_any",
+    "offset",
+    "offset_open",
+    "outlines_within",
+    "store",
+    "store_with_spikes",
+    "stroke",
+    "take",
+]
 
 
 def _import_compiled_module() -> Any:
@@ -52,6 +65,8 @@ if TYPE_CHECKING:
     import clipper2
 else:
     clipper2 = _import_compiled_module()
+
+CLIPPER2_VERSION: Final[str] = clipper2.CLIPPER2_VERSION
 
 Rings = list[NDArray[np.int64]]
 
@@ -80,10 +95,25 @@ def load_any(areas: Areas) -> list[Rings]:
 
 
 def store(layers: list[Rings]) -> Areas:
+    """Convert the rings of all layers to one stack in mm, and remove the spikes."""
+    return remove_spikes(store_with_spikes(layers))
+
+
+def store_with_spikes(layers: list[Rings]) -> Areas:
     """Convert the rings of all layers to one stack in mm."""
     xy, start, ring_layer = _concatenate_rings(layers)
     # Divide, do not multiply: n / 100 000 is the double nearest to the decimal number, n * 0.00001 is not.
-    return remove_spikes(Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers)))
+    return Areas(xy / STEPS_PER_MM, start, ring_layer, len(layers))
+
+
+def take(layers: list[Rings], indices: Int) -> list[Rings]:
+    """Return the layers with these indices (n,), in this order."""
+    return [layers[index] for index in indices.tolist()]
+
+
+def concatenate(layers: list[Rings], others: list[Rings]) -> list[Rings]:
+    """Return the layers followed by the others."""
+    return layers + others
 
 
 def _concatenate_rings(layers: list[Rings]) -> tuple[Int, Int, Int]:

@@ -45,9 +45,9 @@ VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
 
 def _load_clipper() -> Polygons:
-    from printer_slicer.geometry import clipper  # noqa: PLC0415 - each run loads one engine
+    from printer_slicer.geometry import clipper, compiled_clipper  # noqa: PLC0415 - each run loads one engine
 
-    return clipper
+    return compiled_clipper if compiled_clipper.is_available() else clipper
 
 
 def _load_planar() -> Polygons:
@@ -91,13 +91,12 @@ def using_engine(name: str) -> Iterator[None]:
 
 
 @cache
-def _default_engine() -> Polygons:
-    return load_engine(os.environ.get(VARIABLE) or "clipper")
+def _default_name() -> str:
+    return os.environ.get(VARIABLE) or "clipper"
 
 
 def _current_engine() -> Polygons:
-    name = _override.get()
-    return _default_engine() if name is None else load_engine(name)
+    return load_engine(_override.get() or _default_name())
 
 
 def normalize(areas: Areas) -> Areas:
@@ -312,18 +311,24 @@ def _intersect_wide_windows(areas: Areas, wide: list[Int], windows: Sequence[tup
     ends = [(first[some], last[some]) for some, (first, last) in zip(wide, windows, strict=True) if len(some)]
     if not ends:
         return []
-    engine = _current_engine()
+    engine, n_layers = _current_engine(), areas.n_layers
     first, last = (np.concatenate(column) for column in zip(*ends, strict=True))
-    made = iter(
-        intersect_windows(engine.load(areas), first, last, lambda a, b: engine.combine("intersection", a, b))
-    )
-    result = []
+    pool, size = engine.load(areas), n_layers
+
+    def intersect(a: list[int], b: list[int]) -> list[int]:
+        """Intersect layers of the pool; return the indices of the results, which are added to it."""
+        nonlocal pool, size
+        one, other = (engine.take(pool, np.array(indices, np.int64)) for indices in (a, b))
+        pool, size = engine.concatenate(pool, engine.combine("intersection", one, other)), size + len(a)
+        return list(range(size - len(a), size))
+
+    made = np.array(intersect_windows(range(n_layers), first, last, intersect), np.int64)
+    result, done = [], 0
     for some in wide:
         if len(some):
-            layers = engine.load(Areas.empty(areas.n_layers))
-            for k in some.tolist():
-                layers[k] = next(made)
-            result.append(engine.store(layers))
+            own = engine.store(engine.take(pool, made[done : done + len(some)]))
+            result.append(_restore_layers(own, some, n_layers))
+            done += len(some)
     return result
 
 

@@ -9,6 +9,7 @@ direction. (Clipper2 does this at all inner corners, which makes a crossing at e
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -110,7 +111,9 @@ def _cut_off_corner(corners: _Corners, indices: Int, by: Float) -> _Points:
     out_x, out_y = vx - ux, vy - uy
     size = np.hypot(out_x, out_y) / np.abs(by)
     out_x, out_y = out_x / size, out_y / size
-    half = np.tan(np.arccos(np.clip(corners.cosine.take(indices), -1, 1)) / 4) * np.sign(by)
+    # With the functions that the kernel calls; those of numpy may round otherwise.
+    cosine = np.clip(corners.cosine.take(indices), -1, 1).tolist()
+    half = np.array([math.tan(math.acos(one) / 4) for one in cosine]) * np.sign(by)
     return (out_x + out_y * half, out_y - out_x * half), (out_x - out_y * half, out_y + out_x * half)
 
 

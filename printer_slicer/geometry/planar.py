@@ -30,6 +30,7 @@ from printer_slicer.geometry.vectors import cross, dot
 __all__ = [
     "SegmentTree",
     "combine",
+    "concatenate",
     "convex_hull",
     "load",
     "load_any",
@@ -39,6 +40,7 @@ __all__ = [
     "simplify",
     "store",
     "stroke",
+    "take",
 ]
 
 Shapes = NDArray[np.object_]
@@ -83,6 +85,16 @@ def store(layers: list[Any]) -> Areas:
     areas = _build_areas(rings, layer[solid][polygon], len(layers))
     grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
     return remove_spikes(_remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
+
+
+def take(layers: list[Any], indices: Int) -> list[Any]:
+    """Return the layers with these indices (n,), in this order."""
+    return [layers[index] for index in indices.tolist()]
+
+
+def concatenate(layers: list[Any], others: list[Any]) -> list[Any]:
+    """Return the layers followed by the others."""
+    return layers + others
 
 
 def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:

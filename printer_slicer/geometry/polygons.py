@@ -13,15 +13,15 @@ __all__ = [
     "ROUND_TOLERANCE",
     "STEPS_PER_MM",
     "Join",
-    "Layer",
+    "Layers",
     "Operation",
     "Polygons",
 ]
 
 Join = Literal["miter", "round"]
 Operation = Literal["union", "difference", "intersection"]
-Layer = Any
-"""Area of one layer in the internal format of an engine."""
+Layers = Any
+"""The areas of all layers in the internal format of an engine."""
 
 STEPS_PER_MM: Final = 100_000
 """Grid to which areas are rounded: 0.01 µm; 64 bits still cover 10^13 mm."""
@@ -51,29 +51,35 @@ class Polygons(Protocol):
     rounding and conversion.
     """
 
-    def load(self, areas: Areas) -> list[Layer]:
-        """Convert clean areas to one value per layer."""
+    def load(self, areas: Areas) -> Layers:
+        """Convert clean areas to the format of the engine."""
 
-    def load_any(self, areas: Areas) -> list[Layer]:
-        """Convert any rings to one value per layer: everything with a positive winding number."""
+    def load_any(self, areas: Areas) -> Layers:
+        """Convert any rings to areas in the format of the engine: everything with a positive winding number."""
 
-    def store(self, layers: list[Layer]) -> Areas:
-        """Convert one value per layer to clean areas."""
+    def store(self, layers: Layers) -> Areas:
+        """Convert layers to clean areas."""
 
-    def combine(self, operation: Operation, a: list[Layer], b: list[Layer]) -> list[Layer]:
-        """Return the union, difference or intersection of two lists of layers, entry by entry."""
+    def take(self, layers: Layers, indices: Int) -> Layers:
+        """Return the layers with these indices (n,), in this order."""
 
-    def outlines_within(self, outlines: Areas, layers: list[Layer]) -> list[list[Float]]:
+    def concatenate(self, layers: Layers, others: Layers) -> Layers:
+        """Return the layers followed by the others."""
+
+    def combine(self, operation: Operation, a: Layers, b: Layers) -> Layers:
+        """Return the union, difference or intersection, layer by layer."""
+
+    def outlines_within(self, outlines: Areas, layers: Layers) -> list[list[Float]]:
         """Return for each layer the parts of `outlines` inside its areas, as open lines (n, 2), mm."""
 
-    def offset(self, layers: list[Layer], distance: Float, join: Join) -> list[Layer]:
-        """Move the outlines of each entry outward by its distance, mm."""
+    def offset(self, layers: Layers, distance: Float, join: Join) -> Layers:
+        """Move the outlines of each layer outward by its distance, mm."""
 
-    def offset_open(self, layers: list[Layer], distance: Float, limit: float) -> list[Layer]:
-        """Shrink each entry by its distance, mm, grow it again, and intersect the result with the entry.
+    def offset_open(self, layers: Layers, distance: Float, limit: float) -> Layers:
+        """Shrink each layer by its distance, mm, grow it again, and intersect the result with the layer.
 
         Corners with a point farther away than `limit` distances are cut off.
         """
 
-    def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> list[Layer]:
+    def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Layers:
         """Return for each layer the area within a radius of its open polylines."""

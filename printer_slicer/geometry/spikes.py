@@ -12,6 +12,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
+from printer_slicer.kernel import load_kernel
 
 __all__ = ["is_spike", "remove_spikes"]
 
@@ -59,6 +60,9 @@ def is_spike(areas: Areas) -> Bool:
     spikes = np.zeros(len(areas.xy), np.bool_)
     if not areas.n_rings:
         return spikes
+    kernel = load_kernel()
+    if kernel:
+        return np.frombuffer(kernel.find_spikes(areas.xy, areas.ring_start, areas.ring_layer), np.bool_)
     first, last = areas.ring_start[:-1], areas.ring_start[1:] - 1
     x, y = np.ascontiguousarray(areas.xy.T)
     ahead_x, ahead_y = _subtract_from_next(x, first, last), _subtract_from_next(y, first, last)
