@@ -9,6 +9,7 @@ PyObject* facing_boxes(PyObject*, PyObject* arguments);      // facing.cpp
 PyObject* combine_areas(PyObject*, PyObject* arguments);     // clipping.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);       // spikes.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);       // mitering.cpp
+PyObject* read_elements(PyObject*, PyObject* arguments);     // element_runs.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
 
 #endif

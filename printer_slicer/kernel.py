@@ -89,6 +89,18 @@ class Kernel(Protocol):
             ValueError: a side does not have 11 numbers.
         """
 
+    def read_elements(self, text: bytes, words: bytes, is_whole: bool, /) -> bytes | None:
+        """Read the numbers of XML elements, as `printer_slicer.mesh_io.element_runs` does.
+
+        Args:
+            text: the elements, and white space.
+            words: the beginning of the tag, then the beginning of each attribute: `<vertex x=" y=" z="`.
+            is_whole: whether the numbers are integers.
+
+        Returns:
+            The numbers as int64 or float64; None if the text is not in this form.
+        """
+
     def voronoi_diagrams(
         self, sides: memoryview, counts: memoryview, /
     ) -> tuple[bytes, bytes, bytes, bytes, bytes, bytes]:

@@ -155,7 +155,8 @@ def assemble_facets(
         faces = faces[:, ::-1] if matrix is not None and is_mirrored(matrix) else faces
         for start in range(0, len(faces), BLOCK):
             part = faces[start : start + BLOCK]
-            triangles[filled : filled + len(part)] = points[part]
+            # All indices are valid; with "clip", they are not checked again, and nothing is copied twice.
+            np.take(points, part, axis=0, out=triangles[filled : filled + len(part)], mode="clip")
             filled += len(part)
     return triangles
 

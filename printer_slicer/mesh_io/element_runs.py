@@ -6,8 +6,11 @@ nothing but white space between them. Text in any other form is left to the pars
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
 
 __all__ = ["ElementRun", "RunFinder"]
@@ -20,17 +23,29 @@ class ElementRun(Struct, frozen=True, eq=False):
         parent: name of the element around the run, without a namespace prefix.
         name: name of the elements.
         attributes: names of their attributes, in the usual order.
-        take: receives the attribute values of many elements, one after the other. It may raise a ValueError before it
-            keeps any of them; then the parser reads these elements.
+        kind: type code of the array of their values: `d` for numbers, `q` for integers.
+        take: receives the attribute values of many elements, one after the other.
     """
 
     parent: str
     name: str
     attributes: tuple[str, ...]
-    take: Callable[[list[bytes]], None]
+    kind: str
+    take: Callable[[array[Any]], None]
 
     def read(self, text: bytes) -> bool:
         """Read elements and the white space around them; return whether the text has the form of a run."""
+        kernel = load_kernel()
+        if kernel:
+            words = " ".join([f"<{self.name}", *(f'{attribute}="' for attribute in self.attributes)])
+            numbers = kernel.read_elements(text, words.encode(), self.kind == "q")
+            if numbers is not None:
+                self.take(array(self.kind, numbers))
+                return True
+        return self._read_in_python(text)
+
+    def _read_in_python(self, text: bytes) -> bool:
+        """Read as `read` does, also text in which the kernel does not recognise a run."""
         between = text.split(b'"')
         period = 2 * len(self.attributes)
         if len(between) % period != 1:
@@ -47,9 +62,10 @@ class ElementRun(Struct, frozen=True, eq=False):
             if {one.replace(b"/> <", b"/><") for one in found} != {wanted}:
                 return False
         try:
-            self.take(between[1::2])
+            values = array(self.kind, map(int if self.kind == "q" else float, between[1::2]))
         except ValueError:
             return False
+        self.take(values)
         return True
 
 

@@ -98,8 +98,8 @@ class _ModelReader(XmlReader):
         }.items():
             self.register((f"{space}{name}" for space in ELEMENT_PREFIXES), handler)
         for run in (
-            ElementRun("vertices", "vertex", ("x", "y", "z"), self._add_vertices),
-            ElementRun("triangles", "triangle", ("v1", "v2", "v3"), self._add_triangles),
+            ElementRun("vertices", "vertex", ("x", "y", "z"), "d", self._add_vertices),
+            ElementRun("triangles", "triangle", ("v1", "v2", "v3"), "q", self._add_triangles),
         ):
             self.register_run(ELEMENT_PREFIXES, run)
 
@@ -137,11 +137,11 @@ class _ModelReader(XmlReader):
             if what := PAINT.get(name.rpartition(" ")[2]):
                 self.model.painted[self._key, what] += 1
 
-    def _add_vertices(self, values: list[bytes]) -> None:
-        self._body.xyz.extend(array("d", map(float, values)))
+    def _add_vertices(self, values: array[float]) -> None:
+        self._body.xyz.extend(values)
 
-    def _add_triangles(self, values: list[bytes]) -> None:
-        self._body.corners.extend(array("q", map(int, values)))
+    def _add_triangles(self, values: array[int]) -> None:
+        self._body.corners.extend(values)
 
     def _add_component(self, attributes: list[str]) -> None:
         self._body.parts.append(

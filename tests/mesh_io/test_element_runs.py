@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from array import array
 from pathlib import Path
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.errors import MeshError
+from printer_slicer.kernel import VARIABLE
 from printer_slicer.mesh_io.element_runs import ElementRun
 from printer_slicer.mesh_io.limits import Limits
 from printer_slicer.mesh_io.markup import XmlReader, get_integer
+from tests.kernels import needs_kernel
 
 ELEMENTS = [
     '<v a="1" b="2"/>',
@@ -46,13 +51,13 @@ class Reader(XmlReader):
         self.n_in_runs = 0
         self.register(["v"], self._add)
         if runs:
-            self.register_run([""], ElementRun("vs", "v", ("a", "b"), self._add_all))
+            self.register_run([""], ElementRun("vs", "v", ("a", "b"), "q", self._add_all))
 
     def _add(self, attributes: list[str]) -> None:
         self.values += [get_integer(attributes, name) for name in "ab"]
 
-    def _add_all(self, values: list[bytes]) -> None:
-        self.values += [int(value) for value in values]
+    def _add_all(self, values: array[int]) -> None:
+        self.values += values
         self.n_in_runs += len(values) // 2
 
 
@@ -89,3 +94,49 @@ def test_errors_after_a_run_name_their_line() -> None:
     text = "<m>\n<vs>\n" + '<v a="1" b="2"/>\n' * 5 + "<v/>\n</vs></m>"
     for size in (7, 1000):
         assert result_of(text, size, runs=True) == ([], "x.xml: line 8: the attribute 'a' is missing")
+
+
+# The compiled kernel
+
+digits = st.text("0123456789", max_size=24)
+numbers = st.one_of(
+    st.floats().map(repr),
+    st.floats(-300, 300, width=32).map(lambda value: f"{value:.6g}"),
+    st.integers().map(str),
+    st.tuples(st.sampled_from(["", "-", "+", " "]), digits, st.sampled_from(["", "."]), digits).map("".join),
+    st.tuples(st.sampled_from(["1", "-0", "9007199254740993", "5.", ".25"]), st.integers(-400, 400)).map(
+        lambda pair: f"{pair[0]}e{pair[1]}"
+    ),
+    st.sampled_from(["", "-", ".", "1_0", "0x1", "inf", "1e", "1e+", "2E-5", "1.5 ", "-0.0", "9" * 400]),
+)
+
+
+def read_with(kernel: str, text: bytes, kind: str) -> tuple[bytes, str]:
+    """The bytes of the values of elements `v`, and the error."""
+    values: list[array[Any]] = []
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv(VARIABLE, kernel)
+        try:
+            is_run = ElementRun("vs", "v", ("a", "b"), kind, values.append).read(text)
+        except OverflowError as error:
+            return b"", str(error)
+    return b"".join(one.tobytes() for one in values), "" if is_run else "no run"
+
+
+@needs_kernel
+@given(
+    st.lists(st.tuples(numbers, numbers), min_size=1, max_size=4),
+    st.sampled_from(['<v a="{}" b="{}"/>', '\t<v  a="{}"\r\nb="{}" />\n', '<v a="{}"b="{}"/>']),
+    st.sampled_from("dq"),
+)
+def test_the_kernel_reads_the_same_bits(pairs: list[tuple[str, str]], form: str, kind: str) -> None:
+    text = "".join(form.format(*pair) for pair in pairs).encode()
+
+    assert read_with("required", text, kind) == read_with("off", text, kind)
+
+
+@needs_kernel
+@given(st.text(' <v/>ab="1.\n', max_size=40), st.sampled_from("dq"))
+def test_the_kernel_recognises_no_other_text(text: str, kind: str) -> None:
+    for whole in (text, f'<v a="1" b="2"/>{text}'):
+        assert read_with("required", whole.encode(), kind) == read_with("off", whole.encode(), kind)
