@@ -9,6 +9,8 @@ PyObject* facing_boxes(PyObject*, PyObject* arguments);      // facing.cpp
 PyObject* combine_areas(PyObject*, PyObject* arguments);     // clipping.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);       // spikes.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);       // mitering.cpp
+PyObject* build_polyline_tree(PyObject*, PyObject* ends);       // polyline_tree.cpp
+PyObject* query_polyline_tree(PyObject*, PyObject* arguments);  // polyline_tree.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);     // element_runs.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
 

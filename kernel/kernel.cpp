@@ -14,6 +14,8 @@ PyMethodDef methods[] = {
     {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
+    {"build_polyline_tree", build_polyline_tree, METH_O, "Build a search tree for segments; see kernel.py."},
+    {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},

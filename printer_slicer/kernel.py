@@ -89,6 +89,36 @@ class Kernel(Protocol):
             ValueError: a side does not have 11 numbers.
         """
 
+    def build_polyline_tree(self, ends: memoryview, /) -> bytes:
+        """Build a search tree for segments; see `printer_slicer.geometry.polyline_tree`.
+
+        Args:
+            ends: (S, 4) float64, x and y of start and end of each segment.
+
+        Returns:
+            The boxes of the tree, for `query_polyline_tree`.
+
+        Raises:
+            ValueError: a segment does not have four numbers.
+        """
+
+    def query_polyline_tree(
+        self, ends: memoryview, boxes: bytes, queries: memoryview, /
+    ) -> tuple[bytes, bytes]:
+        """Find the segments whose bounding box touches a given box.
+
+        Args:
+            ends: (S, 4) float64, x and y of start and end of each segment.
+            boxes: the tree of these segments.
+            queries: (Q, 4) float64, x and y of two opposite corners of each given box.
+
+        Returns:
+            The given box (X,) and the segment (X,) of each pair, ascending.
+
+        Raises:
+            ValueError: the boxes do not belong to the segments, or an array has another shape.
+        """
+
     def read_elements(self, text: bytes, words: bytes, is_whole: bool, /) -> bytes | None:
         """Read the numbers of XML elements, as `printer_slicer.mesh_io.element_runs` does.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.planar import SegmentTree
+from printer_slicer.geometry.polyline_tree import PolylineTree
 from printer_slicer.geometry.ring_queries import crossing_shares
 from printer_slicer.geometry.vectors import nearest_share
 
@@ -44,7 +44,7 @@ class SegmentIndex:
         self._pitch = 2.5 * float(np.hypot(*room)) + 1.0
         cell = self._cell_offset(layer)
         moved = np.stack([self._begin + cell, self._end + cell], axis=1)
-        self._tree = SegmentTree(moved) if len(moved) else None
+        self._tree = PolylineTree(moved) if len(moved) else None
 
     def nearest(self, points: Float, layer: Int) -> Int:
         """Return for each point (P, 2) the nearest segment (P,) of its layer; -1 if the layer is empty."""
@@ -77,7 +77,7 @@ class SegmentIndex:
         for first in range(0, len(points), _QUERIES_AT_ONCE):
             some = moved[first : first + _QUERIES_AT_ONCE]
             point, segment = self._tree.query_boxes(some - reach, some + reach)
-            point += first
+            point = point + first
             apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
             near = apart <= reach
             found.append((point[near], segment[near], apart[near]))
@@ -99,7 +99,7 @@ class SegmentIndex:
         for first in range(0, len(begin), _QUERIES_AT_ONCE):
             some = slice(first, first + _QUERIES_AT_ONCE)
             line, segment = self._tree.query_boxes(begin[some] + cell[some], end[some] + cell[some])
-            line += first
+            line = line + first
             share = crossing_shares(
                 begin.take(line, axis=0),
                 end.take(line, axis=0),
