@@ -31,7 +31,7 @@ _SUPPORTED = 0.9
 _GRADES = (0.02, 0.25, 0.5, 0.75, _SUPPORTED)
 _STEP = 1.0  # extrusion widths between tested positions
 _SHORTEST = 0.5  # extrusion widths; shorter runs of one grade are merged
-_AT_ONCE = 1 << 18  # pieces that are tested at once
+_AT_ONCE = 1 << 16  # pieces that are tested at once
 _REACH = 1.05  # extrusion widths from an outline within which depths are computed; more than a step
 
 

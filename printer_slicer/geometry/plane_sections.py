@@ -22,7 +22,7 @@ from printer_slicer.values import Struct
 
 __all__ = ["Crossings", "intersect_with_planes", "section_areas", "section_contours"]
 
-_SEGMENTS_AT_ONCE = 250_000  # per batch, so that the arrays stay in the processor's cache
+_SEGMENTS_AT_ONCE = 60_000  # per batch, so that the arrays stay in the processor's cache
 _UInt = NDArray[np.uint64]
 
 
@@ -51,7 +51,7 @@ def intersect_with_planes(triangles: Float, planes: Float) -> Iterator[Crossings
     key. Equal keys pair them without welding corners first. Where half-edges remain unpaired, the mesh is open or
     wrongly oriented, and the nodes on such edges have only one segment.
 
-    Planes are processed in batches of about 250 000 segments, so that memory is bounded for any mesh.
+    Planes are processed in batches of about 60 000 segments, so that memory is bounded for any mesh.
     """
     level = np.zeros((3, len(triangles)), np.int32)
     for corner in range(3):

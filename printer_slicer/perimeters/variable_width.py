@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
@@ -26,6 +28,7 @@ _MAX_FACING_ANGLE = np.deg2rad(26)  # slightly more than the angle of corners th
 # Radius, mm, by which narrow places are followed into wider ones, to bridge short bulges.
 _EXTRA_RADIUS = 0.02
 _CELL = 0.4  # mm
+_POINTS_AT_ONCE = 1 << 13  # points of outlines whose narrow places are filled at once
 _SEPARATION = 2e-5  # mm; two steps of the grid that areas are rounded to
 _CHORD_RATIO = 0.8  # tolerance of the medial axis, as a share of that of outlines
 _ROUNDING = 1e-3  # mm of an outline
@@ -74,15 +77,26 @@ class NarrowFill(Struct, frozen=True, eq=False):
 
 
 def fill_narrow_areas(solid: Areas, beading: Beading, tolerance: float = 0.0) -> NarrowFill:
-    """Fill the layers that have narrow places with loops and middle lines.
+    """Fill the layers that have narrow places with loops and middle lines, a few layers at a time to save memory.
 
     Args:
         solid: clean areas.
         beading: number of beads by thickness.
         tolerance: mm by which the outlines of these layers may be simplified.
     """
-    if not solid.n_rings:
-        return NarrowFill.empty(solid.n_layers)
+    fills = [_fill_layers(solid.of_layers(some), beading, tolerance) for some in _split_layers(solid)]
+    return reduce(NarrowFill.merge, fills, NarrowFill.empty(solid.n_layers))
+
+
+def _split_layers(solid: Areas) -> list[Bool]:
+    """Divide the layers into slabs of about `_POINTS_AT_ONCE` points; return the mask (L,) of each slab."""
+    points = solid.ring_start[solid.layer_start]
+    slab = (points[1:] - 1) // _POINTS_AT_ONCE
+    return [slab == number for number in distinct(slab[solid.used]).tolist()]
+
+
+def _fill_layers(solid: Areas, beading: Beading, tolerance: float) -> NarrowFill:
+    """Fill the narrow places of some layers, see `fill_narrow_areas`."""
     widest = beading.thresholds()[-1] + _EXTRA_RADIUS
     if tolerance:
         simple = simplify(solid, tolerance)
