@@ -1,8 +1,9 @@
-"""Thumbnails: pictures of the part, rendered with numpy, encoded by Pillow, and written as comments of a G-code file.
+"""Thumbnails: pictures of the part, rendered with numpy, and written as PNG or QOI into comments of a G-code file.
 
 The part is seen from the front right and above, in parallel projection, lit, on a transparent background. One large
-picture is rendered with a depth buffer; the thumbnails are downscaled from it. Many facets are rasterized at once: each
-becomes one span of pixels per row. Facets that cover no pixel centre, as most of a fine mesh, are skipped early.
+picture is rendered with a depth buffer, in twice the scale of the largest thumbnail, and thumbnails are downscaled from
+it. Many facets are rasterized at once: each becomes one span of pixels per row. Facets that cover no pixel centre, as
+most of a fine mesh, are skipped early.
 
 In the file a thumbnail begins with its size and the number of characters: `; thumbnail begin 300x300 12345` for PNG,
 `; thumbnail_QOI begin ...` for QOI. Source: Moonraker, OctoPrint's thumbnail plugin and py-gcode-metadata.
@@ -11,16 +12,19 @@ In the file a thumbnail begins with its size and the number of characters: `; th
 from __future__ import annotations
 
 import io
-from base64 import b64encode
+from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
-from math import cos, radians, sin
-from typing import Any, Final
+from math import ceil, cos, radians, sin
+from struct import pack
+from typing import Final
+from zlib import compress, crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.arrays import Float, Int, consecutive, run_starts
 from printer_slicer.model import Mesh
+from printer_slicer.values import Struct
 
 __all__ = ["Picture", "encode_image", "render", "render_thumbnail_lines"]
 
@@ -29,8 +33,8 @@ Picture = NDArray[np.uint8]
 
 # Direction of the camera: angle about z from +x, and angle above the bed.
 _AZIMUTH, _ELEVATION = radians(-52.0), radians(28.0)
-_SUPERSAMPLING: Final = 2.0  # pixels of the large picture per pixel of the largest thumbnail, along each axis
 _MIN_LARGE_SIZE: Final = 384  # minimum size of the large picture along its longer side, px
+_BORDER: Final = 2  # transparent border of the large picture, px
 _MARGIN: Final = 0.04  # margin around the part, as a fraction of the shorter side
 _BLOCK_SIZE: Final = 1 << 14  # facets per block, which fit the CPU cache
 _COLOUR: Final = np.array([255.0, 146.0, 48.0])
@@ -60,7 +64,7 @@ def render_thumbnail_lines(part: Mesh, specs: Sequence[str]) -> list[str]:
     sizes = [(int(size.partition("x")[0]), int(size.partition("x")[2])) for size, _, _ in parsed]
     lines: list[str] = []
     for picture, (size, _, name) in zip(_render_pictures(part.triangles, sizes), parsed, strict=True):
-        text = b64encode(encode_image(picture, name or "PNG")).decode("ascii")
+        text = b2a_base64(encode_image(picture, name or "PNG"), newline=False).decode("ascii")
         keyword = _KEYWORDS[name or "PNG"]
         rows = [f"; {text[at : at + _LINE_LENGTH]}" for at in range(0, len(text), _LINE_LENGTH)]
         lines += [";", f"; {keyword} begin {size} {len(text)}", *rows, f"; {keyword} end", ";"]
@@ -69,14 +73,44 @@ def render_thumbnail_lines(part: Mesh, specs: Sequence[str]) -> list[str]:
 
 def encode_image(picture: Picture, file_format: str) -> bytes:
     """Encode a picture as an image file, PNG or QOI."""
-    from PIL import Image  # noqa: PLC0415 - only thumbnails need it
+    if file_format == "PNG":
+        return _encode_png(picture)
+    from PIL import Image  # noqa: PLC0415 - slow, and most printers show PNG
 
-    options: dict[str, Any] = {"compress_level": 6} if file_format == "PNG" else {}
     data = io.BytesIO()
     # With a file name Pillow imports only this format, otherwise all common ones.
     data.name = f"picture.{file_format.lower()}"
-    Image.fromarray(picture).save(data, **options)
+    Image.fromarray(picture).save(data)
     return data.getvalue()
+
+
+def _encode_png(picture: Picture) -> bytes:
+    """Encode a picture as a PNG file, without Pillow, whose import takes longer than rendering a small part.
+
+    Rows are stored without filters, because pictures with few colours are smaller without.
+    """
+    height, width, _ = picture.shape
+    rows = np.zeros((height, 1 + 4 * width), np.uint8)  # the first byte of a row is its filter: none
+    rows[:, 1:] = picture.reshape(height, -1)
+    header = pack(">2I5B", width, height, 8, 6, 0, 0, 0)  # 8 bits of red, green, blue and opacity
+    chunks = ((b"IHDR", header), (b"IDAT", compress(rows.tobytes(), 6)), (b"IEND", b""))
+    encoded = [pack(">I", len(data)) + name + data + pack(">I", crc32(name + data)) for name, data in chunks]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(encoded)
+
+
+class _Planes(Struct, frozen=True, eq=False):
+    """A rendering of the part, from which pictures are downscaled.
+
+    Attributes:
+        colours: (4, h, w) red, green, blue and opacity, 0 to 255; colours are multiplied by opacity. Row 0 is the
+            bottom. `_BORDER` px around the part are transparent.
+        corner: row and column of the part's lowest corner, px.
+        scale: px/mm.
+    """
+
+    colours: NDArray[np.float32]
+    corner: tuple[float, float]
+    scale: float
 
 
 def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list[Picture]:
@@ -88,13 +122,20 @@ def _render_pictures(triangles: Float, sizes: Sequence[tuple[int, int]]) -> list
     """
     if not sizes:
         return []
-    low, size = _measure_projected_extent(triangles)
-    scales = [_scale_to_fit(size, *one) for one in sizes]
-    scale = max(_SUPERSAMPLING * max(scales), _MIN_LARGE_SIZE / float(size.max()))
-    large = _render_large(triangles, low, size, scale)
-    return [
-        _downscale(large, size * scale, ratio / scale, one) for one, ratio in zip(sizes, scales, strict=True)
-    ]
+    low, extent = _measure_projected_extent(triangles)
+    scales = [_scale_to_fit(extent, *one) for one in sizes]
+    largest = int(np.argmax(scales))
+    double = 2 * scales[largest]
+    large = _render_large(triangles, low, extent, max(double, _MIN_LARGE_SIZE / float(extent.max())))
+    half = _halve(large, extent, sizes[largest]) if large.scale == double else None
+    pictures = []
+    for number, (size, scale) in enumerate(zip(sizes, scales, strict=True)):
+        if half and number == largest:
+            pictures.append(_finish(half.colours))
+        else:
+            source = half if half and 2 * scale <= half.scale else large
+            pictures.append(_finish(_downscale(source, extent, scale, size)))
+    return pictures
 
 
 def _measure_projected_extent(triangles: Float) -> tuple[Float, Float]:
@@ -129,25 +170,28 @@ def _scale_to_fit(size: Float, width: int, height: int) -> float:
     return float(min((width - margin) / size[0], (height - margin) / size[1]))
 
 
-def _render_large(triangles: Float, low: Float, size: Float, scale: float) -> NDArray[np.float32]:
-    """Render the large picture (h, w, 4), colours multiplied by opacity; row 0 is the bottom."""
-    shape = (int(np.ceil(size[1] * scale)) + 1, int(np.ceil(size[0] * scale)) + 1)
+def _render_large(triangles: Float, low: Float, extent: Float, scale: float) -> _Planes:
+    """Render the part in a large scale, px/mm."""
+    shape = (int(np.ceil(extent[1] * scale)) + 1, int(np.ceil(extent[0] * scale)) + 1)
     nearest = np.full(shape[0] * shape[1], -np.inf, np.float32)
-    colour = np.zeros((shape[0] * shape[1], 3), np.float32)
+    owner = np.full(shape[0] * shape[1], len(triangles))  # the facet that is seen; none: the number of facets
     for begin in range(0, len(triangles), _BLOCK_SIZE):
-        block = triangles[begin : begin + _BLOCK_SIZE]
-        x, y, depth = _project(block)
+        x, y, depth = _project(triangles[begin : begin + _BLOCK_SIZE])
         facet, pixel, pixel_depth = _rasterize_facets(
             (x - low[0]) * scale, (y - low[1]) * scale, depth, shape
         )
-        before = nearest[pixel]
+        before = nearest.take(pixel)
         np.maximum.at(nearest, pixel, pixel_depth)
-        seen = np.flatnonzero((pixel_depth > before) & (pixel_depth == nearest[pixel]))
+        seen = np.flatnonzero((pixel_depth > before) & (pixel_depth == nearest.take(pixel)))
         # Of several facets at equal depth, the last one wins.
-        colour[pixel[seen]] = _shade_facets(block, facet[seen])
-    covered = np.isfinite(nearest).reshape(shape)
-    shown = colour.reshape(*shape, 3) * _compute_outline_brightness(nearest.reshape(shape))[..., None]
-    return np.dstack([shown, np.float32(255) * covered])
+        owner[pixel.take(seen)] = facet.take(seen) + begin
+    bright = _compute_outline_brightness(nearest.reshape(shape))
+    colours = np.zeros((4, shape[0] + 2 * _BORDER, shape[1] + 2 * _BORDER), np.float32)
+    inside = colours[:, _BORDER : _BORDER + shape[0], _BORDER : _BORDER + shape[1]]
+    for channel, colour in zip(inside, _shade_facets(triangles, owner), strict=False):
+        np.multiply(colour.take(owner).reshape(shape), bright, out=channel)
+    np.multiply(np.float32(255), owner.reshape(shape) < len(triangles), out=inside[3])
+    return _Planes(colours, (_BORDER, _BORDER), scale)
 
 
 def _rasterize_facets(
@@ -165,14 +209,14 @@ def _rasterize_facets(
     row_facet = np.repeat(np.arange(len(kept)), count)
     row_y: Float = consecutive(bottom[kept].astype(np.int64), count).astype(np.float64) + 0.5
     begin, size = _find_pixel_spans(x, y, row_facet, row_y, shape[1])
-    across = consecutive(begin, size)
-    row = np.repeat(np.arange(len(row_y)), size)
-    facet = row_facet[row]
     by_x, by_y = _compute_depth_slopes(x, y, depth, double_area[kept])
     base = depth[0] - by_x * (x[0] - 0.5) - by_y * y[0]
-    pixel_depth = base[facet] + by_x[facet] * across + by_y[facet] * row_y[row]
-    pixel = row_y.astype(np.int64)[row] * shape[1] + across
-    return kept[facet], pixel, pixel_depth.astype(np.float32)
+    pixel = consecutive(row_y.astype(np.int64) * shape[1] + begin, size)
+    # The depth is linear along a row; `number` counts the pixels of all rows.
+    number, slope = np.arange(len(pixel)), by_x.take(row_facet)
+    first = base.take(row_facet) + by_y.take(row_facet) * row_y + slope * (begin - (np.cumsum(size) - size))
+    pixel_depth = np.repeat(first, size) + np.repeat(slope, size) * number
+    return np.repeat(kept.take(row_facet), size), pixel, pixel_depth.astype(np.float32)
 
 
 def _find_pixel_spans(x: Float, y: Float, row_facet: Int, row_y: Float, width: int) -> tuple[Int, Int]:
@@ -199,20 +243,28 @@ def _compute_depth_slopes(x: Float, y: Float, depth: Float, double_area: Float) 
     return (one * by - other * ay) / double_area, (other * ax - one * bx) / double_area
 
 
-def _shade_facets(triangles: Float, facet: Int) -> NDArray[np.float32]:
-    """Return the colours (n, 3) of facets, lit by two lights from the front and some ambient light from above."""
-    used = np.zeros(len(triangles), np.bool_)
-    used[facet] = True
-    corners = triangles[used]
+def _shade_facets(triangles: Float, owner: Int) -> NDArray[np.float32]:
+    """Return the colours (3, F + 1) of the facets that are seen, lit by two lights and some ambient light from above.
+
+    Args:
+        triangles: (F, 3, 3) mm.
+        owner: (n,) the facet that is seen in each pixel, F where there is none.
+    """
+    used = np.zeros(len(triangles) + 1, np.bool_)
+    used[owner[run_starts(owner)]] = True
+    corners = triangles[used[:-1]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[:, None]
     light = _AMBIENT * (1 + 0.5 * normal[:, 2])
     for direction, strength in _LIGHTS:
         light += strength * np.maximum((normal * (direction / np.linalg.norm(direction))).sum(axis=1), 0)
     shine = np.clip(light, 0, 1)[:, None]
-    table = np.zeros((len(triangles), 3), np.float32)
-    table[used] = (_SHADE + (_COLOUR - _SHADE) * shine + _GLOSS * np.maximum(shine - 0.8, 0)).clip(0, 255)
-    return table[facet]
+    table = np.zeros((3, len(triangles) + 1), np.float32)
+    used[-1] = False
+    table[:, used] = (
+        (_SHADE + (_COLOUR - _SHADE) * shine + _GLOSS * np.maximum(shine - 0.8, 0)).clip(0, 255).T
+    )
+    return table
 
 
 def _compute_outline_brightness(nearest: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -232,31 +284,51 @@ def _compute_outline_brightness(nearest: NDArray[np.float32]) -> NDArray[np.floa
     return bright
 
 
-def _downscale(
-    large: NDArray[np.float32], size: Float, ratio: float, output_size: tuple[int, int]
-) -> Picture:
-    """Downscale the large picture to a size (width, height), with the part in its middle.
+def _find_corner(extent: Float, size: tuple[int, int], scale: float) -> tuple[float, float]:
+    """Return the row and the column of the part's lowest corner in a picture of a size (width, height), px."""
+    return (size[1] - float(extent[1]) * scale) / 2, (size[0] - float(extent[0]) * scale) / 2
 
-    Args:
-        large: colours multiplied by opacity, row 0 at the bottom.
-        size: (2,) size of the part in it, px.
-        ratio: px of the result per px of the large picture.
-        output_size: width and height of the result, px.
+
+def _halve(large: _Planes, extent: Float, size: tuple[int, int]) -> _Planes:
+    """Downscale to half the scale, in a picture of a size (width, height) with the part in its middle."""
+    corner = _find_corner(extent, size, large.scale / 2)
+    rows = _halve_axis(large.colours, 1, size[1], corner[0])
+    return _Planes(_halve_axis(rows, 2, size[0], corner[1]), corner, large.scale / 2)
+
+
+def _halve_axis(colours: NDArray[np.float32], axis: int, length: int, corner: float) -> NDArray[np.float32]:
+    """Halve the scale along an axis; the part begins at `_BORDER` before and at `corner` afterwards, px.
+
+    Each pixel of the result covers one whole pixel, and shares of those before and behind it, which are alike for all.
     """
-    picture = large
-    for axis, (pixels, part) in enumerate(zip(output_size[::-1], size[::-1], strict=True)):
-        edges = (np.arange(pixels + 1) - (pixels - part * ratio) / 2) / ratio
-        picture = _compute_box_means(picture, edges, axis)
-    alpha = picture[..., 3:]
-    straight = np.where(alpha > 0, picture[..., :3] * 255 / np.maximum(alpha, 1e-9), 0)
-    whole = np.rint(np.concatenate([straight, alpha], axis=2)).clip(0, 255).astype(np.uint8)
-    whole[whole[..., 3] == 0] = 0
-    return np.ascontiguousarray(whole[::-1])
+    first = max(ceil(corner - _BORDER / 2), 0)
+    begin, share = divmod(_BORDER + 2 * (first - corner), 1.0)
+    count = min(length - first, (colours.shape[axis] - int(begin) - 1) // 2)
+    one, two, three = (
+        colours[(*[slice(None)] * axis, slice(at, at + 2 * count - 1, 2))]
+        for at in range(int(begin), int(begin) + 3)
+    )
+    result = np.zeros((*colours.shape[:axis], length, *colours.shape[axis + 1 :]), np.float32)
+    covered = result[(*[slice(None)] * axis, slice(first, first + count))]
+    np.multiply(one, np.float32((1 - share) / 2), out=covered)
+    covered += two * np.float32(0.5)
+    covered += three * np.float32(share / 2)
+    return result
 
 
-def _compute_box_means(picture: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
-    """Return the mean of the pixels between consecutive `edges` along an axis; pixels beyond the picture are 0."""
-    moved = np.moveaxis(picture, axis, 0)
+def _downscale(planes: _Planes, extent: Float, scale: float, size: tuple[int, int]) -> NDArray[np.float32]:
+    """Downscale to a picture of a size (width, height), with the part in its middle; return its colours (4, h, w)."""
+    colours, ratio = planes.colours, planes.scale / scale
+    for axis, pixels in ((1, size[1]), (2, size[0])):
+        corner = _find_corner(extent, size, scale)[axis - 1]
+        edges = planes.corner[axis - 1] + (np.arange(pixels + 1, dtype=np.float64) - corner) * ratio
+        colours = _compute_box_means(colours, edges, axis)
+    return colours
+
+
+def _compute_box_means(colours: NDArray[np.float32], edges: Float, axis: int) -> NDArray[np.float32]:
+    """Return the mean of the pixels between consecutive `edges` along an axis; pixels beyond the planes are 0."""
+    moved = np.moveaxis(colours, axis, 0)
     sums = np.zeros((len(moved) + 1, *moved.shape[1:]), np.float32)
     np.cumsum(moved, axis=0, out=sums[1:])
     at = np.clip(edges, 0, len(moved))
@@ -265,3 +337,13 @@ def _compute_box_means(picture: NDArray[np.float32], edges: Float, axis: int) ->
     until = sums[below] * (1 - part) + sums[below + 1] * part
     wide = np.diff(edges).astype(np.float32).reshape(-1, *[1] * (moved.ndim - 1))
     return np.moveaxis(np.diff(until, axis=0) / wide, 0, axis)
+
+
+def _finish(colours: NDArray[np.float32]) -> Picture:
+    """Return the picture (h, w, 4) of colours (4, h, w) that are multiplied by opacity; row 0 becomes the top."""
+    alpha = colours[3]
+    whole = np.zeros((*alpha.shape, 4), np.uint8)
+    whole[..., :3] = np.rint(colours[:3] * 255 / np.maximum(alpha, 1e-9)).clip(0, 255).transpose(1, 2, 0)
+    whole[..., 3] = np.rint(alpha).clip(0, 255)
+    whole *= (whole[..., 3] > 0)[..., None]
+    return np.ascontiguousarray(whole[::-1])

@@ -129,11 +129,13 @@ def test_slicing_an_stl_imports_neither_trimesh_nor_pillow_nor_the_serial_librar
     assert [name for name in names if "ledger" in name or "checking" in name] == []
 
 
-def test_slicing_with_thumbnails_imports_not_all_of_the_formats_of_pillow(tmp_path: Path) -> None:
+def test_thumbnails_as_png_need_no_pillow_and_those_as_qoi_not_all_of_its_formats(tmp_path: Path) -> None:
     """They are more than 40."""
-    names = after_slicing(tmp_path, "-q", "--set", "thumbnails=16x16, 16x16/QOI")
+    png = after_slicing(tmp_path, "-q", "--set", "thumbnails=16x16, 300x300")
+    qoi = after_slicing(tmp_path, "-q", "--set", "thumbnails=16x16, 16x16/QOI")
 
-    assert 2 <= len([name for name in names if name.startswith("PIL") and name.endswith("Plugin")]) <= 9
+    assert [name for name in png if name.startswith("PIL")] == []
+    assert 1 <= len([name for name in qoi if name.startswith("PIL") and name.endswith("Plugin")]) <= 9
 
 
 @pytest.mark.parametrize("name", printer_slicer.__all__)

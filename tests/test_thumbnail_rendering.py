@@ -10,7 +10,18 @@ from hypothesis.extra.numpy import arrays
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.thumbnails import Picture, _project, _rasterize_facets, _render_pictures, render
+from printer_slicer.thumbnails import (
+    Picture,
+    _downscale,
+    _halve,
+    _measure_projected_extent,
+    _project,
+    _rasterize_facets,
+    _render_large,
+    _render_pictures,
+    _scale_to_fit,
+    render,
+)
 from tests.parts import box, joined, sphere
 
 
@@ -88,6 +99,18 @@ def test_pictures_of_several_sizes_show_the_same() -> None:
 
     assert np.abs(means - small)[solid].mean() < 4
     assert _render_pictures(sphere(10).triangles, []) == []
+
+
+@given(st.tuples(*[st.integers(1, 90)] * 2), st.tuples(*[st.integers(1, 30)] * 3))
+def test_half_the_scale_is_the_mean_of_the_pixels_below(
+    size: tuple[int, int], part: tuple[float, float, float]
+) -> None:
+    triangles = box(part).triangles
+    low, extent = _measure_projected_extent(triangles)
+    scale = _scale_to_fit(extent, *size)
+    large = _render_large(triangles, low, extent, 2 * scale)
+
+    assert np.abs(_halve(large, extent, size).colours - _downscale(large, extent, scale, size)).max() < 0.1
 
 
 @pytest.mark.parametrize("size", [(50, 0.001, 0.001), (0.001, 0.001, 50), (1000, 1000, 0.01)])
