@@ -58,10 +58,13 @@ def retime_moves(
 
 def _compute_seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
     """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no other moves."""
-    before = program.xyz[first - 1] if first else program.origin
-    delta = np.diff(program.xyz[first:last], axis=0, prepend=before[None])
+    xyz = program.xyz[first:last]
+    delta = np.zeros((len(xyz), 4))
+    np.subtract(xyz[:1], program.xyz[first - 1] if first else program.origin, out=delta[:1, :3])
+    np.subtract(xyz[1:], xyz[:-1], out=delta[1:, :3])
+    delta[:, 3] = program.filament[first:last]
     return compute_durations(
-        np.column_stack([delta, program.filament[first:last]]),
+        delta,
         speed[first:last],
         limits_of(profile.printer),
         acceleration=move_accelerations(program, profile.printer, first, last),

@@ -6,6 +6,7 @@ agree up to rounding. Letters in shapes: K moves, B blocks (moves that are not z
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +44,10 @@ __all__ = [
 ]
 
 
+_MOVES_AT_ONCE = 1 << 14  # moves whose blocks are made together
+_NO_DIRECTIONS = np.zeros((4, 0))
+
+
 class Blocks(Struct, frozen=True, eq=False):
     """Columns of `rules.Block`: length, speed, acceleration, share (B,); unit (4, B)."""
 
@@ -61,6 +66,19 @@ class Blocks(Struct, frozen=True, eq=False):
             self.acceleration[which],
             self.share[which],
         )
+
+    def without_directions(self) -> Blocks:
+        """Return the blocks without `unit`, which only corners need."""
+        return Blocks(self.length, _NO_DIRECTIONS, self.speed, self.acceleration, self.share)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Blocks]) -> Blocks:
+        """Concatenate blocks without directions."""
+        length, speed, acceleration, share = (
+            np.concatenate([np.zeros(0), *(getattr(part, name) for part in parts)])
+            for name in ("length", "speed", "acceleration", "share")
+        )
+        return cls(length, _NO_DIRECTIONS, speed, acceleration, share)
 
 
 def compute_durations(
@@ -86,9 +104,11 @@ def compute_durations(
     Returns:
         (K,) s.
     """
-    seconds = np.zeros(len(delta))
     planned = plan_speeds(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
-    seconds[planned.moving] = planned.times(slice(None))
+    seconds = np.zeros(len(delta))
+    for first in range(0, len(planned.moving), _MOVES_AT_ONCE):
+        here = slice(first, first + _MOVES_AT_ONCE)
+        seconds[planned.moving[here]] = planned.times(here)
     return seconds
 
 
@@ -97,7 +117,7 @@ class SpeedProfile(Struct, frozen=True, eq=False):
 
     Attributes:
         moving: (B,) indices of the moves that are not zero.
-        blocks: these moves as blocks.
+        blocks: these moves as blocks, without directions.
         corners: (B,) maximum squared speed that the corner at the start of each block allows.
         squares: (B + 1,) planned squared speed at the start of each block, and at the end of the last.
         smoothed: cruise limits for `minimum_cruise_ratio`; None if the firmware has none.
@@ -171,17 +191,8 @@ def plan_speeds(
         entry: squared speed before the first block, of the machine and of the virtual machine for
             `minimum_cruise_ratio`.
     """
-    columns = np.ascontiguousarray(delta.T, dtype=np.float64)
-    moving, length = find_nonzero_moves(columns)
-    requested = None if acceleration is None else np.asarray(acceleration, dtype=np.float64)[moving]
-    speed = np.asarray(speed, dtype=np.float64)[moving]
-    blocks = make_blocks(np.ascontiguousarray(columns[:, moving]), length, speed, requested, limits)
-    corners = np.zeros(len(moving))
+    moving, blocks, corners = _make_blocks_and_corners(delta, speed, acceleration, limits)
     corners[:1] = entry[0]
-    if len(moving) > 1:
-        corners[1:] = compute_squared_corner_speeds(
-            limits, blocks.take_slice(np.s_[:-1]), blocks.take_slice(np.s_[1:])
-        )
     if stop_after is not None:
         stops = np.concatenate([[0], np.cumsum(stop_after)])[moving]
         corners[1:][np.diff(stops) > 0] = 0.0
@@ -195,6 +206,45 @@ def plan_speeds(
     return SpeedProfile(
         moving, blocks, corners, _compute_max_squared_speeds(corners, gains, entry[0]), smoothed
     )
+
+
+def _make_blocks_and_corners(
+    delta: Float, speed: Float, acceleration: Float | None, limits: MotionLimits
+) -> tuple[Int, Blocks, Float]:
+    """Return the moves that are not zero (B,), these moves as blocks, and the squared corner speeds (B,) before them.
+
+    Moves are processed in batches, because their directions (`unit`) take the most memory; the result has none. The
+    corner before the first block is not computed. Arguments are those of `plan_speeds`.
+    """
+    moving, parts, corners = [], [], [np.zeros(0)]
+    last: Blocks | None = None
+    for first in range(0, len(delta), _MOVES_AT_ONCE):
+        here = slice(first, first + _MOVES_AT_ONCE)
+        columns = np.ascontiguousarray(delta[here].T, dtype=np.float64)
+        index, length = find_nonzero_moves(columns)
+        if not len(index):
+            continue
+        asked = np.asarray(speed[here], dtype=np.float64)[index]
+        requested = None if acceleration is None else np.asarray(acceleration[here], np.float64)[index]
+        blocks = make_blocks(np.ascontiguousarray(columns[:, index]), length, asked, requested, limits)
+        corners.append(_compute_corners_of_batch(last, blocks, limits))
+        moving.append(index + first)
+        last = blocks.take_slice(np.s_[-1:])
+        parts.append(blocks.without_directions())
+    joined = Blocks.joined(parts)
+    return np.concatenate([np.zeros(0, np.int64), *moving]), joined, np.concatenate(corners)
+
+
+def _compute_corners_of_batch(last: Blocks | None, blocks: Blocks, limits: MotionLimits) -> Float:
+    """Return the squared corner speeds (n,) before some blocks, after the block `last`; 0 before the first of all."""
+    corners = np.zeros(len(blocks.length))
+    if last is not None:
+        corners[:1] = compute_squared_corner_speeds(limits, last, blocks.take_slice(np.s_[:1]))
+    if len(corners) > 1:
+        corners[1:] = compute_squared_corner_speeds(
+            limits, blocks.take_slice(np.s_[:-1]), blocks.take_slice(np.s_[1:])
+        )
+    return corners
 
 
 def _compute_squared_speed_gains(blocks: Blocks) -> Float:
@@ -336,6 +386,7 @@ def accumulate_with_limit(upper_bound: Float, gain: Float, first: float = 0.0) -
     padded = np.zeros((2, n_rows * width))
     padded[:, : len(upper_bound)] = upper_bound, gain
     limits, gains = np.ascontiguousarray(padded.reshape(2, n_rows, width).transpose(0, 2, 1))
+    del padded
     bound = np.full(n_rows, np.inf)
     for top, step in zip(limits, gains, strict=True):
         bound = np.minimum(top, bound + step)

@@ -42,6 +42,7 @@ MIN_REPORTED_LENGTH: Final = 3.0
 """Minimum length, mm, of unsupported or colliding extrusion at one height that is reported."""
 
 _MAX_SAG: Final = 1.15  # strand diameters; the print supports extrusion at most this far above it
+_MOVES_AT_ONCE: Final = 1 << 15  # moves of a program that are checked together
 _SUPPORT_GAP: Final = 0.32  # mm, gap that slicers leave between supports and the part
 _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as supported
 _Box = tuple[tuple[float, float], tuple[float, float]]
@@ -206,19 +207,25 @@ class UnsupportedTracker:
 
 def unsupported_of_program(program: Program, profile: Profile) -> tuple[UnsupportedExtrusion, ...]:
     """Return the unsupported extrusion of a sliced program; commands are its moves."""
-    role = np.where(program.role == Role.TRAVEL, 0, purposes_of_roles(program.role))
-    first = np.flatnonzero(np.diff(role, prepend=-1) != 0)
+    change = np.flatnonzero(np.diff(program.role, prepend=-1) != 0)
+    role = np.where(program.role[change] == Role.TRAVEL, 0, purposes_of_roles(program.role[change]))
+    is_new = np.diff(role, prepend=-1) != 0
     marks = Marks(
         layers=np.searchsorted(program.layer, np.arange(program.plan.n_layers)) + 1,
-        roles=first + 1,
-        names=role[first],
+        roles=change[is_new] + 1,
+        names=role[is_new],
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
     tracker = UnsupportedTracker(
         profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks
     )
-    new_filament = np.where(program.role == Role.TRAVEL, 0.0, program.filament)
-    tracker.add_moves(np.arange(program.n_moves) + 1, program.start, program.xyz, new_filament)
+    for first in range(0, program.n_moves, _MOVES_AT_ONCE):
+        last = min(first + _MOVES_AT_ONCE, program.n_moves)
+        before = program.xyz[first - 1] if first else program.origin
+        end = program.xyz[first:last]
+        new_filament = np.where(program.role[first:last] == Role.TRAVEL, 0.0, program.filament[first:last])
+        start = np.concatenate([before[None], end[:-1]])
+        tracker.add_moves(np.arange(first, last) + 1, start, end, new_filament)
     return tracker.close()
 
 
