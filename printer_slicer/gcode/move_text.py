@@ -47,43 +47,76 @@ def format_moves(program: Program, *, relative: bool, full: Int | None = None) -
         relative: relative extrusion (M83); otherwise absolute (M82).
         full: moves whose row holds x, y, z and speed even if they do not change; if a row is empty, the next one does.
     """
-    xyz = np.rint(program.xyz * 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])).astype(np.int64)
     fed = np.rint(np.cumsum(program.filament) * 10**E_DECIMALS).astype(np.int64)
     all_feed = np.maximum(np.rint(program.speed * 60).astype(np.int64), 1)
     if not program.n_moves:
         return MoveText(b"", np.zeros(1, np.int64), fed, all_feed)
     head, last = _group_moves_into_rows(program, all_feed)
-    kept = _find_visible_moves(xyz[last], fed[last], program.role[last] == Role.TRAVEL)
+    kept = _find_visible_rows(program, last, fed)
     head, last = head[kept], last[kept]
     feeds = np.add.reduceat(program.filament != 0, head) > 0
-    code, i, j = _compute_arcs(program, xyz, head, last)
-    fed, feed = _defer_filament(fed[last], feeds), all_feed[last]
+    rows = _Rows(
+        head, last, _defer_filament(fed[last], feeds), all_feed[last], _find_full_rows(head, full), relative
+    )
+    length_of = np.zeros(program.n_moves, np.int64)
+    texts = []
+    for first in range(0, len(head), _BATCH):
+        text, length = _format_batch(program, rows, first)
+        texts.append(text)
+        length_of[head[first : first + _BATCH]] = length
+    start = np.zeros(program.n_moves + 1, np.int64)
+    np.cumsum(length_of, out=start[1:])
     rows_before = np.searchsorted(head, np.arange(program.n_moves), side="right")
-    step = np.diff(fed, prepend=0)
-    ends = xyz[last]
-    moved = np.diff(ends, axis=0, prepend=ends[:1] - 1) != 0
+    return MoveText(b"".join(texts), start, np.append(0, rows.fed)[rows_before], all_feed)
+
+
+class _Rows(Struct, frozen=True, eq=False):
+    """The rows of text that moves become.
+
+    Attributes:
+        head: (n,) first move of each row.
+        last: (n,) last move of each row.
+        fed: (n,) filament written by the end of each row, in units of the last decimal of E.
+        feed: (n,) speed, mm/min.
+        anew: (n,) whether the row holds x, y, z and speed even if they do not change.
+        relative: relative extrusion.
+    """
+
+    head: Int
+    last: Int
+    fed: Int
+    feed: Int
+    anew: Bool
+    relative: bool
+
+
+def _format_batch(program: Program, rows: _Rows, first: int) -> tuple[bytes, Int]:
+    """Format `_BATCH` rows from row `first` on; return their text and the length of each row."""
+    here = slice(first, first + _BATCH)
+    ends = _round_positions(program, rows.last[max(first - 1, 0) : here.stop])
+    ends = ends if first else np.concatenate([ends[:1] - 1, ends])  # the first row holds every axis
+    moved = (np.diff(ends, axis=0) != 0) | rows.anew[here, None]
+    ends, fed, feed = ends[1:], rows.fed[here], rows.feed[here]
+    step = np.diff(fed, prepend=rows.fed[first - 1] if first else 0)
+    new_feed = np.diff(feed, prepend=rows.feed[first - 1] if first else -1) != 0
+    code, i, j = _compute_arcs(program, rows.head[here], rows.last[here])
     codes: _Letters = np.where(code > 0, code, step != 0).astype(np.uint8)
     arc = codes > 1
-    anew = _find_full_rows(head, full)
-    moved |= anew[:, None]
     columns = [
         (b" X", ends[:, 0], XY_DECIMALS, moved[:, 0]),
         (b" Y", ends[:, 1], XY_DECIMALS, moved[:, 1]),
         (b" Z", ends[:, 2], Z_DECIMALS, moved[:, 2]),
         *([(b" I", i, XY_DECIMALS, arc), (b" J", j, XY_DECIMALS, arc)] if arc.any() else []),
-        (b" E", step if relative else fed, E_DECIMALS, step != 0),
-        (b" F", feed, 0, (np.diff(feed, prepend=-1) != 0) | anew),
+        (b" E", step if rows.relative else fed, E_DECIMALS, step != 0),
+        (b" F", feed, 0, new_feed | rows.anew[here]),
     ]
-    texts, lengths = [], []
-    for first in range(0, len(ends), _BATCH):
-        some = slice(first, first + _BATCH)
-        text, length = _format_rows(codes[some], [(w, v[some], d, p[some]) for w, v, d, p in columns])
-        texts.append(text)
-        lengths.append(length)
-    length_of = np.zeros(program.n_moves, np.int64)
-    length_of[head] = np.concatenate([np.zeros(0, np.int64), *lengths])
-    written = np.append(0, fed)[rows_before]
-    return MoveText(b"".join(texts), np.concatenate([[0], np.cumsum(length_of)]), written, all_feed)
+    return _format_rows(codes, columns)
+
+
+def _round_positions(program: Program, moves: Int) -> Int:
+    """Return the positions (n, 3) at the end of moves (n,), in units of the last decimal."""
+    decimals = 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])
+    return np.rint(program.xyz.take(moves, axis=0) * decimals).astype(np.int64)
 
 
 def _group_moves_into_rows(program: Program, feed: Int) -> tuple[Int, Int]:
@@ -95,13 +128,13 @@ def _group_moves_into_rows(program: Program, feed: Int) -> tuple[Int, Int]:
     return head, np.append(head[1:], program.n_moves) - 1
 
 
-def _compute_arcs(program: Program, xyz: Int, head: Int, last: Int) -> tuple[Int, Int, Int]:
+def _compute_arcs(program: Program, head: Int, last: Int) -> tuple[Int, Int, Int]:
     """Return, for each row (n,), 2 or 3 for an arc (G2, G3), else 0; also the centre relative to the start (x, y)."""
     arc = last > head
     code, off = np.zeros(len(head), np.int64), np.zeros((len(head), 2), np.int64)
     if arc.any():
         first = head[arc]
-        begin = xyz[np.maximum(first - 1, 0), :2]
+        begin = _round_positions(program, np.maximum(first - 1, 0))[:, :2]
         centre = program.centre[first]
         off[arc] = np.rint(centre * 10**XY_DECIMALS).astype(np.int64) - begin
         out, chord = program.start[first, :2] - centre, program.xyz[first, :2] - program.start[first, :2]
@@ -118,11 +151,24 @@ def _find_full_rows(kept: Int, full: Int | None) -> Bool:
     return anew
 
 
-def _find_visible_moves(xyz: Int, fed: Int, pure: Bool) -> Int:
-    """Return the indices of the moves that change a word after rounding; other moves get no row of their own."""
-    travels = np.diff(xyz, axis=0, prepend=xyz[:1] - 1).any(axis=1)
-    turns = travels | (pure & (np.diff(fed, prepend=0) != 0))
-    return np.flatnonzero(turns)
+def _find_visible_rows(program: Program, last: Int, fed: Int) -> Int:
+    """Return the indices of the rows that change a word after rounding; other moves get no row of their own.
+
+    Args:
+        program: the moves.
+        last: (n,) last move of each row.
+        fed: (K,) filament written by the end of each move, in units of the last decimal of E.
+    """
+    is_visible = np.zeros(len(last), np.bool_)
+    for first in range(0, len(last), _BATCH):
+        here = slice(first, first + _BATCH)
+        moves = last[max(first - 1, 0) : here.stop]
+        ends, total = _round_positions(program, moves), fed[moves]
+        if not first:
+            ends, total = np.concatenate([ends[:1] - 1, ends]), np.append(0, total)
+        retracts = (program.role[last[here]] == Role.TRAVEL) & (np.diff(total) != 0)
+        is_visible[here] = np.diff(ends, axis=0).any(axis=1) | retracts
+    return np.flatnonzero(is_visible)
 
 
 def _defer_filament(fed: Int, feeds: Bool) -> Int:
