@@ -6,7 +6,10 @@ Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Pro
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Unpack
+
+import numpy as np
 
 from printer_slicer.adhesion import add_adhesion, place_on_raft
 from printer_slicer.arguments import check_arguments
@@ -16,7 +19,7 @@ from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
-from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Walls
+from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
 from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
@@ -24,6 +27,7 @@ from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
+from printer_slicer.roles import roles_with
 from printer_slicer.slicing import list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
@@ -31,7 +35,7 @@ from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 
-__all__ = ["plan_part", "slice_part", "slice_planned", "slice_stages"]
+__all__ = ["plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
 
 
 @check_arguments(placement=Placement, strategies=Strategies)
@@ -61,6 +65,49 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a user's function returned an invalid value.
     """
+    return _slice([mesh], profile, placement, report, strategies, plan=plan, strict=strict)
+
+
+def slice_for_output(
+    meshes: list[Mesh],
+    profile: Profile,
+    *,
+    placement: Placement = IN_THE_MIDDLE,
+    report: Report = quiet,
+    strict: bool = False,
+    strategies: Strategies = BUILT_IN,
+) -> Stages:
+    """Slice a part to write its G-code; memory of finished stages is released.
+
+    The walls of the result have no paths, its regions no areas, and its toolpaths are only skirt and brim.
+
+    Args:
+        meshes: the part as the only item; it is removed from the list, so that its memory can be released.
+        profile: printer, material and quality.
+        placement: position of the part.
+        report: called with the name of each stage when it starts.
+        strict: raise an error if the mesh needs repair.
+        strategies: user functions that replace built-in ones.
+
+    Raises:
+        PrinterSlicerError: as `slice_stages`.
+    """
+    return _slice(meshes, profile, placement, report, strategies, strict=strict, keep=False)
+
+
+def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
+    meshes: list[Mesh],
+    profile: Profile,
+    placement: Placement,
+    report: Report,
+    strategies: Strategies,
+    *,
+    plan: LayerPlan | Sequence[LayerPlan] | None = None,
+    strict: bool = False,
+    keep: bool = True,
+) -> Stages:
+    """Slice the only mesh of a list, which is removed from it; other arguments are those of `slice_planned`."""
+    mesh = meshes.pop()
     check_part(mesh, profile)
     report("repairing")
     repaired, repairs = repair(mesh)
@@ -72,7 +119,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     del mesh, repaired  # free memory: millions of facets take hundreds of megabytes
     report("planning")
     plan = plan_part(part, profile, strategies) if plan is None else plan
-    stages = slice_planned(part, plan, profile, report, strategies)
+    stages = slice_planned(part, plan, profile, report, strategies, keep=keep)
     repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
@@ -85,9 +132,42 @@ def slice_planned(
     profile: Profile,
     report: Report = quiet,
     strategies: Strategies = BUILT_IN,
+    *,
+    keep: bool = True,
 ) -> Stages:
-    """Slice a placed part with a given layer plan; arguments and errors are those of `slice_stages`."""
+    """Slice a placed part with a given layer plan; arguments and errors are those of `slice_stages`.
+
+    Without `keep`, paths and areas are released as soon as the next stage has used them, see `slice_for_output`.
+    """
     profile = apply_spiral_settings(profile)
+    solid, walls, regions, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep)
+    report("ordering")
+    printed = place_on_raft(solid, profile)
+    paths[:] = [add_adhesion(paths, solid, printed, profile)]
+    toolpaths = fit_arcs(order(paths.pop(), printed, profile), profile)
+    report("travels")
+    travels = travel(toolpaths, printed, profile)
+    report("extrusion")
+    program = extrude(toolpaths, travels, profile, profiles)
+    toolpaths, travels, program, link = limit_link((toolpaths, travels, program), printed, profile, profiles)
+    toolpaths = (
+        toolpaths if keep else toolpaths.take(np.flatnonzero(roles_with(is_part=False)[toolpaths.role]))
+    )
+    program = run_program_functions(program, strategies.on_program, len(profile.extruders))
+    labels = label_moves(program, part, solid.plan)
+    return Stages(part, solid, walls, regions, toolpaths, travels, program, link, labels)
+
+
+def _make_paths(
+    part: Mesh,
+    plan: LayerPlan | Sequence[LayerPlan],
+    profile: Profile,
+    report: Report,
+    strategies: Strategies,
+    *,
+    keep: bool,
+) -> tuple[Sections, Walls, Regions, list[Toolpaths], list[Profile]]:
+    """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     sections = cut_objects(meshes, plans, own)
@@ -99,25 +179,16 @@ def slice_planned(
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
     )
-    report("ordering")
-    solid = stack_sections(sections)
-    printed = place_on_raft(solid, profile)
-    toolpaths = fit_arcs(order(add_adhesion(paths, solid, printed, profile), printed, profile), profile)
-    report("travels")
-    travels = travel(toolpaths, printed, profile)
-    report("extrusion")
-    program = extrude(toolpaths, travels, profile, profiles)
-    toolpaths, travels, program, link = limit_link((toolpaths, travels, program), printed, profile, profiles)
-    program = run_program_functions(program, strategies.on_program, len(profile.extruders))
-    labels = label_moves(program, part, solid.plan)
-    joined = Walls.joined(walls), Regions.joined(regions)
-    return Stages(part, solid, *joined, toolpaths, travels, program, link, labels)
+    if not keep:
+        walls = [one.without_paths() for one in walls]
+        regions = [one.of_layers(np.zeros(one.plan.n_layers, np.bool_)) for one in regions]
+    return stack_sections(sections), Walls.joined(walls), Regions.joined(regions), paths, profiles
 
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> LayerPlan:
     """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
-    return choose_plan(part, profile, strategies, slice_planned)
+    return choose_plan(part, profile, strategies, partial(slice_planned, keep=False))
 
 
 def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:

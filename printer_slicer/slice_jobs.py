@@ -16,7 +16,7 @@ from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
-from printer_slicer.pipeline import slice_stages
+from printer_slicer.pipeline import slice_for_output
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import KINDS, Profile, load_profile
 from printer_slicer.progress import Report, quiet
@@ -100,8 +100,8 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     stages = (
         part
         if isinstance(part, Stages)
-        else slice_stages(
-            part, profile, placement=placement, report=report, strict=strict, strategies=strategies
+        else slice_for_output(
+            [part], profile, placement=placement, report=report, strict=strict, strategies=strategies
         )
     )
     report("writing")

@@ -55,6 +55,11 @@ class Walls(SvgRepr, Struct, frozen=True, eq=False):
         width[layer], lost[layer] = self.width, self.lost
         return Walls(plan, width, self.paths.on_plan(plan), self.inside.on_layers(layer, plan.n_layers), lost)
 
+    def without_paths(self) -> Walls:
+        """Return only the widths and the lost area, to release memory."""
+        none = self.paths.take(np.zeros(0, np.int64))
+        return Walls(self.plan, self.width, none, Areas.empty(self.plan.n_layers), self.lost)
+
     @classmethod
     def joined(cls, parts: Sequence[Walls]) -> Walls:
         """Combine the walls of several objects, or of several groups of layers."""

@@ -146,7 +146,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_of
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
-    from printer_slicer.pipeline import slice_stages
+    from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify, read_surface
 
     with show_stages(arguments) as report:
@@ -159,8 +159,8 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         _reject_model_suffix(output)
         meshes = [mesh]
         del mesh  # not needed after placing, and may be large
-        stage = slice_stages(
-            meshes.pop(), profile, placement=plate.placement, report=report, strict=arguments.strict
+        stage = slice_for_output(
+            meshes, profile, placement=plate.placement, report=report, strict=arguments.strict
         )
         program = stage.program
         unsupported = unsupported_of_program(program, profile)
