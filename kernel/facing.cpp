@@ -1,7 +1,6 @@
 // Sides and corners of outlines that face each other; the twin is in printer_slicer/perimeters/facing_sides.py.
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -9,22 +8,11 @@
 #include <vector>
 
 #include "functions.hpp"
+#include "vectors.hpp"
 
 namespace {
 
 constexpr double SLACK = 1e-6;  // mm
-
-struct Point {
-  double x, y;
-};
-
-Point operator+(Point a, Point b) { return {a.x + b.x, a.y + b.y}; }
-Point operator-(Point a, Point b) { return {a.x - b.x, a.y - b.y}; }
-Point operator-(Point a) { return {-a.x, -a.y}; }
-Point operator*(double factor, Point a) { return {factor * a.x, factor * a.y}; }
-double dot(Point a, Point b) { return a.x * b.x + a.y * b.y; }
-double cross(Point a, Point b) { return a.x * b.y - a.y * b.x; }
-double norm(Point a) { return std::sqrt(dot(a, a)); }
 
 // A side, and the corner at its beginning: unit normals into the area, of this side and of the previous one; largest
 // distance between facing sides; and whether the corner points into the area, 0 or 1.
@@ -43,11 +31,7 @@ Box box_of(const Side& side) {
 }
 
 bool is_near(Point point, const Side& side, double reach) {
-  const Point way = side.end - side.begin;
-  const double length2 = dot(way, way);
-  const double share = dot(point - side.begin, way) / (length2 > 0 ? length2 : 1.0);
-  const Point foot = side.begin + std::min(std::max(share, 0.0), 1.0) * way;
-  return norm(point - foot) <= reach && dot(point - side.begin, side.normal) > -SLACK;
+  return norm(point - nearest_on_segment(point, side.begin, side.end)) <= reach && dot(point - side.begin, side.normal) > -SLACK;
 }
 
 bool is_parallel(const Side& a, const Side& b, double cosine) {

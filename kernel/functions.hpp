@@ -12,6 +12,7 @@ PyObject* miter_areas(PyObject*, PyObject* arguments);       // mitering.cpp
 PyObject* build_polyline_tree(PyObject*, PyObject* ends);       // polyline_tree.cpp
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);  // polyline_tree.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);     // element_runs.cpp
+PyObject* inner_edges(PyObject*, PyObject* arguments);       // inner_edges.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
 
 #endif

@@ -17,6 +17,7 @@ PyMethodDef methods[] = {
     {"build_polyline_tree", build_polyline_tree, METH_O, "Build a search tree for segments; see kernel.py."},
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
+    {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };

@@ -33,6 +33,50 @@ class Kernel(Protocol):
 
     CLIPPER2_VERSION: str
 
+    def accumulate_with_limit(
+        self, bound: memoryview, gain: memoryview, first: float, width: int, /
+    ) -> bytes:
+        """Compute running sums with limits; see `printer_slicer.motion.vectorized`.
+
+        Args:
+            bound: (n,) float64, upper bounds.
+            gain: (n,) float64.
+            first: the value before the first one.
+            width: number of values per row, each of which starts at the end of the row before.
+
+        Returns:
+            The values (n,) as float64.
+
+        Raises:
+            ValueError: the arrays have different lengths, or the width is less than 1.
+        """
+
+    def build_polyline_tree(self, ends: memoryview, /) -> bytes:
+        """Build a search tree for segments; see `printer_slicer.geometry.polyline_tree`.
+
+        Args:
+            ends: (S, 4) float64, x and y of start and end of each segment.
+
+        Returns:
+            The boxes of the tree, for `query_polyline_tree`.
+
+        Raises:
+            ValueError: a segment does not have four numbers.
+        """
+
+    def clip_outlines(self, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
+        """Return the parts of outlines within areas as `printer_slicer.geometry.clipper` does, on its grid.
+
+        Args:
+            areas: three arrays of the outlines, and three of the areas.
+
+        Returns:
+            The points of the open lines, the offset of each line, and its layer, like the arrays of areas.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
     def combine_areas(self, operation: int, /, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
         """Combine two areas layer by layer as `printer_slicer.geometry.clipper` does, on its grid.
 
@@ -47,8 +91,94 @@ class Kernel(Protocol):
             ValueError: the arrays do not match.
         """
 
+    def cut_edges(
+        self,
+        corners: memoryview,
+        level: memoryview,
+        low: memoryview,
+        high: memoryview,
+        planes: memoryview,
+        /,
+    ) -> tuple[bytes, bytes]:
+        """Return the points where planes cut edges; see `printer_slicer.geometry.plane_sections`.
+
+        Args:
+            corners: (3, C) float64, x, y and z of corners.
+            level: (C,) int64, the number of planes at or below each corner.
+            low: (E,) int64, the corner at the lower end of each edge.
+            high: (E,) int64, the corner at its upper end.
+            planes: (P,) float64, ascending heights of the planes.
+
+        Returns:
+            The points (N, 2) as float64, and the plane (N,) of each as int64; edge by edge, plane by plane.
+
+        Raises:
+            ValueError: the arrays do not match, or an index is outside of its array.
+        """
+
+    def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
+        """Find the parts of outlines that face each other; see `printer_slicer.perimeters.facing_sides`.
+
+        Args:
+            sides: (S, 11) float64: begin, end, normal and previous normal of each side, x and y each; its layer and the
+                largest distance between facing sides; and 1 if the corner at the begin points into the area, or else 0.
+            cosine: of the largest angle between facing sides.
+
+        Returns:
+            (S, 4) float64: lowest and highest corner of the box around the part of each side that faces another one.
+            Without any, they are infinite.
+
+        Raises:
+            ValueError: a side does not have 11 numbers.
+        """
+
+    def find_cycles(self, following: memoryview, /) -> tuple[bytes, bytes] | None:
+        """Find the cycles of a permutation (n,) of int64; see `printer_slicer.geometry.connectivity`.
+
+        Returns:
+            The lowest index in the cycle of each item, and the steps from there to the item, (n,) int64 each; None if
+            it is not a permutation.
+
+        Raises:
+            ValueError: an index is outside of the array.
+        """
+
     def find_spikes(self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, /) -> bytes:
         """Return a mask (N,) of the points of areas that are spikes; see `printer_slicer.geometry.spikes`.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
+    def format_move_rows(
+        self, codes: memoryview, words: bytes, values: memoryview, present: memoryview, /
+    ) -> tuple[bytes, bytes]:
+        """Format rows of moves; see `printer_slicer.gcode.move_text`.
+
+        Args:
+            codes: (n,) uint8, the number after the G of each row.
+            words: (W, 2) uint8, the letter and the number of decimals of each word.
+            values: (W, n) int64, the numbers of each word, in units of the last decimal.
+            present: (W, n) one byte each, whether a row has the word.
+
+        Returns:
+            The text of all rows, and the length (n,) of each row as int64.
+
+        Raises:
+            ValueError: the arrays do not match, or a number has 20 or more decimals.
+        """
+
+    def inner_edges(self, sides: memoryview, cells: memoryview, ends: memoryview, reach: float, /) -> bytes:
+        """Find the edges of diagrams that belong to the medial axis; see `printer_slicer.geometry.medial_axis`.
+
+        Args:
+            sides: (S, 4, 2) float64: the previous point, start and end of each side, the next point.
+            cells: (h, 2) int64: side and place of the cell on the left of each edge; each edge is followed by its twin.
+            ends: (h, 2, 2) float64: start and end of each edge.
+            reach: largest distance to the outline.
+
+        Returns:
+            (h,) uint8: 1 for edges inside the areas that are within reach of the outline at one end at least.
 
         Raises:
             ValueError: the arrays do not match.
@@ -73,33 +203,37 @@ class Kernel(Protocol):
             ValueError: the arrays do not match.
         """
 
-    def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
-        """Find the parts of outlines that face each other; see `printer_slicer.perimeters.facing_sides`.
+    def nearest_marked(
+        self, links: memoryview, lengths: memoryview, marked: memoryview, reach: float, /
+    ) -> tuple[bytes, bytes]:
+        """Find the nearest marked item along links; see `printer_slicer.perimeters.layout`.
 
         Args:
-            sides: (S, 11) float64: begin, end, normal and previous normal of each side, x and y each; its layer and the
-                largest distance between facing sides; and 1 if the corner at the begin points into the area, or else 0.
-            cosine: of the largest angle between facing sides.
+            links: (k, 2) int64, the two items that each link joins.
+            lengths: (k,) float64, of the links.
+            marked: (n,) int64, not 0 for marked items.
+            reach: longest way to a marked item.
 
         Returns:
-            (S, 4) float64: lowest and highest corner of the box around the part of each side that faces another one.
-            Without any, they are infinite.
+            (n,) int64: the nearest marked item, or -1, and (n,) float64: its distance.
 
         Raises:
-            ValueError: a side does not have 11 numbers.
+            ValueError: the arrays do not match, or a length is negative.
         """
 
-    def build_polyline_tree(self, ends: memoryview, /) -> bytes:
-        """Build a search tree for segments; see `printer_slicer.geometry.polyline_tree`.
+    def number_cuts(self, level: memoryview, edges: memoryview, slot: memoryview, /) -> bytes:
+        """Return the node where each plane cuts an edge of each facet; see `printer_slicer.geometry.plane_sections`.
 
         Args:
-            ends: (S, 4) float64, x and y of start and end of each segment.
+            level: (C,) int64, as for `cut_edges`.
+            edges: (4, H) int64, start corner, lower and upper corner, and base of the nodes of each half-edge.
+            slot: (F,) int64, base of the results of each facet; corner `c` belongs to the facet `c % F`.
 
         Returns:
-            The boxes of the tree, for `query_polyline_tree`.
+            The nodes (S,) as int64.
 
         Raises:
-            ValueError: a segment does not have four numbers.
+            ValueError: as for `cut_edges`.
         """
 
     def query_polyline_tree(

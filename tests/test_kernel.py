@@ -222,6 +222,28 @@ def test_sides_without_all_their_numbers_are_an_error(monkeypatch: pytest.Monkey
 
 
 @needs_kernel
+@pytest.mark.parametrize(
+    ("sides", "cells", "ends", "message"),
+    [
+        (7, [[0, 1], [0, 3]], 8, "do not match"),
+        (8, [[0, 1]], 4, "do not match"),
+        (8, [[0, 1], [0, 3]], 4, "do not match"),
+        (8, [[0, 1], [1, 3]], 8, "does not exist"),
+        (8, [[-1, 1], [0, 3]], 8, "does not exist"),
+    ],
+)
+def test_edges_that_do_not_match_the_sides_are_an_error(
+    sides: int, cells: list[list[int]], ends: int, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    with pytest.raises(ValueError, match=message):
+        kernel.inner_edges(np.zeros(sides).data, np.array(cells).data, np.zeros(ends).data, 1.0)
+
+
+@needs_kernel
 def test_sides_that_cross_do_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
     """In another process, because what goes wrong here would end it."""
     monkeypatch.setenv(VARIABLE, "required")

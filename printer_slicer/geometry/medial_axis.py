@@ -16,6 +16,7 @@ from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.self_intersections import find_layers_with_self_intersections
 from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, norm
 from printer_slicer.geometry.voronoi_diagram import Diagram, compute_diagrams
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["CHORD", "MedialAxis", "follow_parts", "medial_axis"]
@@ -196,33 +197,50 @@ def _compute_axis(sides: _Sides, reach: float, left_out: Int, chord: float) -> M
     diagram = compute_diagrams(sides.points[:, 1:3], sides.piece)
     places, edge = _clip_infinite_edges(diagram, sides.points, 2 * reach)
     chosen = np.flatnonzero(diagram.primary & (edge >= 0).all(axis=1))
-    cell = diagram.cell[chosen]
+    kernel = load_kernel()
+    if kernel:
+        cell, ends = diagram.cell[chosen], places.take(edge.take(chosen, axis=0).ravel(), axis=0)
+        cells = np.stack([diagram.side[cell], diagram.place[cell]], axis=1)
+        chosen = chosen[
+            np.frombuffer(kernel.inner_edges(sides.points.data, cells.data, ends.data, reach), np.bool_)
+        ]
+        edges = _gather_edges(sides, diagram, (places, edge), chosen)
+    else:
+        edges = _gather_edges(sides, diagram, (places, edge), chosen)
+        kept = np.flatnonzero(_is_inner(edges, reach))
+        edges, chosen = edges.take(kept), chosen[kept]
+    return _split_edges(edges, _find_next_edges(diagram, chosen), left_out, chord)
+
+
+def _gather_edges(sides: _Sides, diagram: Diagram, ends: tuple[Float, Int], chosen: Int) -> _DiagramEdges:
+    """Gather the chosen edges (h,); `ends` holds the vertices (V, 2), mm, and those of each edge (E, 2)."""
+    cell, vertex = diagram.cell[chosen], ends[1].take(chosen, axis=0)
     site, place = diagram.side[cell], diagram.place[cell]
     points = sides.points.take(site, axis=0)
-    ends = place == 2
-    points[ends, :2] = points[ends, 1:3]
-    points[ends, 2] = points[ends, 1]
+    at_end = place == 2
+    points[at_end, :2] = points[at_end, 1:3]
+    points[at_end, 2] = points[at_end, 1]
     points[place == 1, 2:] = points[place == 1, 1:3]
-    vertex = edge.take(chosen, axis=0)
-    edges = _DiagramEdges(
+    return _DiagramEdges(
         vertex,
-        places.take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
+        ends[0].take(vertex.ravel(), axis=0).reshape(-1, 2, 2),
         place <= 2,
         points,
-        sides.index[site, ends.astype(np.int64)],
+        sides.index[site, at_end.astype(np.int64)],
         sides.layer[site],
     )
-    twin = np.arange(len(chosen)) ^ 1  # both edges of a pair are primary, or neither is
-    kept = _is_inside(edges, twin)
+
+
+def _is_inner(edges: _DiagramEdges, reach: float) -> Bool:
+    """Return a mask (h,) of edges inside the areas that are within reach of the outline at one end at least."""
+    twin = np.arange(len(edges.corner)) ^ 1  # both edges of a pair are primary, or neither is
     begin, end = edges.points[:, 1], edges.points[:, 2]
     near = [
         norm(place - nearest_on_segments(place, begin, end)[0]) <= reach
         for place in np.moveaxis(edges.ends, 1, 0)
     ]
-    kept &= near[0] | near[1]
-    kept &= kept[twin]
-    edges = edges.take(np.flatnonzero(kept))
-    return _split_edges(edges, _find_next_edges(diagram, chosen[kept]), left_out, chord)
+    kept = _is_inside(edges, twin) & (near[0] | near[1])
+    return np.asarray(kept & kept[twin])
 
 
 def _clip_infinite_edges(diagram: Diagram, points: Float, length: float) -> tuple[Float, Int]:
