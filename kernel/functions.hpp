@@ -13,6 +13,7 @@ PyObject* build_polyline_tree(PyObject*, PyObject* ends);       // polyline_tree
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);  // polyline_tree.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);     // element_runs.cpp
 PyObject* inner_edges(PyObject*, PyObject* arguments);       // inner_edges.cpp
+PyObject* nearest_marked(PyObject*, PyObject* arguments);    // nearest_marked.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
 
 #endif

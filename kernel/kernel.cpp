@@ -18,6 +18,7 @@ PyMethodDef methods[] = {
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
     {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
+    {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };

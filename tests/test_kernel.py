@@ -19,6 +19,7 @@ from printer_slicer.geometry.voronoi_diagram import Diagram, compute_diagrams
 from printer_slicer.kernel import VARIABLE, describe_kernel, load_kernel
 from printer_slicer.model import Mesh
 from printer_slicer.perimeters.facing_sides import find_facing_sides
+from printer_slicer.perimeters.layout import _find_nearest_changes
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from tests.kernels import KERNEL, SAME_BITS, needs_kernel
@@ -153,6 +154,31 @@ def test_facing_sides_of_narrow_strips_are_the_same(distance: float) -> None:
 
 
 @needs_kernel
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 9), st.integers(0, 9), st.sampled_from([0.0, 0.1, 0.2, 0.25, 0.9, np.inf])),
+        max_size=30,
+    ),
+    st.sets(st.integers(0, 9)),
+    st.sampled_from([0.3, 0.5, 2.0]),
+)
+def test_nearest_changes_are_the_same(
+    links: list[tuple[int, int, float]], marked: set[int], reach: float
+) -> None:
+    """Also of ways of equal length."""
+    port = np.array([(a, b) for a, b, _ in links], np.int64).reshape(-1, 2)
+    length = np.array([length for _, _, length in links])
+    changing = np.isin(np.arange(10), list(marked))
+    found = []
+    for kernel in ("off", "required"):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv(VARIABLE, kernel)
+            found.append(_find_nearest_changes(port, length, changing, reach))
+
+    assert [array.tolist() for array in found[0]] == [array.tolist() for array in found[1]]
+
+
+@needs_kernel
 @same_bits
 @pytest.mark.parametrize("size", [2**10, 10**5, 2**21])
 def test_diagrams_of_nearly_parallel_sides_are_the_same_to_the_last_bit(size: int) -> None:
@@ -241,6 +267,27 @@ def test_edges_that_do_not_match_the_sides_are_an_error(
 
     with pytest.raises(ValueError, match=message):
         kernel.inner_edges(np.zeros(sides).data, np.array(cells).data, np.zeros(ends).data, 1.0)
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("links", "lengths", "message"),
+    [
+        ([[0, 1], [1, 2]], [1.0], "do not match"),
+        ([[0, 3]], [1.0], "does not exist"),
+        ([[-1, 2]], [1.0], "does not exist"),
+        ([[0, 1]], [-1.0], "negative"),
+    ],
+)
+def test_wrong_links_are_an_error(
+    links: list[list[int]], lengths: list[float], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    with pytest.raises(ValueError, match=message):
+        kernel.nearest_marked(np.array(links).data, np.array(lengths).data, np.ones(3, np.int64).data, 9.0)
 
 
 @needs_kernel

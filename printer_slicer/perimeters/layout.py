@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.connectivity import find_chain_ends
+from printer_slicer.kernel import load_kernel
 from printer_slicer.perimeters.bead_counts import CountedGraph
 from printer_slicer.perimeters.beading import Beading
 from printer_slicer.perimeters.graph import AxisGraph, find_crossings, thin_and_thick_ends
@@ -53,15 +54,15 @@ class BeadLayout(Struct, frozen=True, eq=False):
 def lay_out_beads(counted: CountedGraph, beading: Beading) -> BeadLayout:
     """Compute the widths and positions of the beads of a graph whose bead counts are known."""
     # Divide where beads have reached their new positions, and where ending loops turn around.
-    ports, half = _PieceEnds.of(counted, beading), beading.spacing[counted.graph.piece_layer] / 2
+    ports, half = _Ports.of(counted, beading), beading.spacing[counted.graph.piece_layer] / 2
     counted = _divide_pieces(
         counted, [ports.find_distant_positions(far) for far in (np.full(len(half), _TRANSITION_LENGTH), half)]
     )
     # Divide where the room for a level ends.
-    ports, room = _PieceEnds.of(counted, beading), counted.graph.radius.take(counted.graph.ends)
-    inset, _ = ports.compute_beads(beading)
+    ends, room = _PieceEnds.of(counted, beading), counted.graph.radius.take(counted.graph.ends)
+    inset, _ = ends.compute_beads(beading)
     counted = _divide_pieces(
-        counted, [find_crossings(room - level.take(ports.port), np.zeros(len(room))) for level in inset]
+        counted, [find_crossings(room - level.take(ends.ports.port), np.zeros(len(room))) for level in inset]
     )
     return _PieceEnds.of(counted, beading).make_layout(beading)
 
@@ -82,7 +83,7 @@ def _divide_pieces(counted: CountedGraph, cuts: list[tuple[Int, Float]]) -> Coun
     )
 
 
-class _PieceEnds(Struct, frozen=True, eq=False):
+class _Ports(Struct, frozen=True, eq=False):
     """Ports (ends of pieces) of a graph, with the bead counts and the changes of count near them; see `BeadLayout`.
 
     Attributes:
@@ -91,12 +92,10 @@ class _PieceEnds(Struct, frozen=True, eq=False):
         point: (P,).
         leader: (P,) point whose thickness determines the beads.
         count: (P,).
+        length: (E,) mm along each piece; 0 into a corner, which moves together with the point where it begins.
+        changing: (P,) whether the count changes at the port's point.
         change: (P,) port at the nearest change of the count, -1 if none is near.
         distance: (P,) mm along the axis to `change`.
-        to_wide: (P,) mm along the axis to the nearest wide piece.
-        spacing: (loops + 1, P) from the room at the port, before the transition.
-        moved: (loops + 1, P) added at the change.
-        fewest: (P,) fewest loops on any side of the port's point.
     """
 
     counted: CountedGraph
@@ -104,34 +103,24 @@ class _PieceEnds(Struct, frozen=True, eq=False):
     point: Int
     leader: Int
     count: Int
+    length: Float
+    changing: Bool
     change: Int
     distance: Float
-    to_wide: Float
-    spacing: Float
-    moved: Float
-    fewest: Int
 
     @classmethod
-    def of(cls, counted: CountedGraph, beading: Beading) -> _PieceEnds:
+    def of(cls, counted: CountedGraph, beading: Beading) -> _Ports:
         """Find the ports of a graph whose bead counts are known."""
         graph, base, n = counted.graph, beading.full_count + 1, len(counted.graph.xy)
         leader, count = _find_leaders(counted, beading)
         keys, number = unique_inverse(((graph.ends * n + leader) * base + count).ravel())
         port, point, leader, count = number.reshape(-1, 2), keys // base // n, keys // base % n, keys % base
-        layer = graph.layer[point]
-        spacing = beading.spacings(beading.room(graph.radius[leader], layer), count, layer)
-        own = np.zeros(len(keys), np.bool_)
-        own[port[counted.used]] = True
-        pairs = np.minimum(count // 2, beading.loops)
-        moved, fewest, changing = _compute_shifts(point, own, pairs, spacing)
-        # A corner moves together with the point where it begins.
-        lengths = np.where(counted.corner, 0.0, np.where(counted.used, graph.length, np.inf))
-        reach = 2 * _TRANSITION_LENGTH + float(beading.spacing.max(initial=0))
-        change, distance = _find_nearest_changes(port, lengths, changing, reach)
-        mouth = np.zeros(len(graph.xy), np.bool_)
-        mouth[graph.ends[counted.wide]] = True
-        beyond = _find_nearest_changes(port, lengths, mouth[point], reach)[1]
-        return cls(counted, port, point, leader, count, change, distance, beyond, spacing, moved, fewest)
+        changing = np.zeros(len(keys), np.bool_)
+        changing[port[counted.used]] = True
+        changing &= np.bincount(point[changing], minlength=n)[point] > 1
+        length = np.where(counted.corner, 0.0, np.where(counted.used, graph.length, np.inf))
+        change, distance = _find_nearest_changes(port, length, changing, _reach_of_changes(beading))
+        return cls(counted, port, point, leader, count, length, changing, change, distance)
 
     def find_distant_positions(self, distance: Float) -> tuple[Int, Float]:
         """Find positions on pieces that are `distance` (E,) mm from a change of the count; return pieces, positions."""
@@ -150,19 +139,54 @@ class _PieceEnds(Struct, frozen=True, eq=False):
             found.append((there, share[there] if end == 0 else 1 - share[there]))
         return np.concatenate([piece for piece, _ in found]), np.concatenate([share for _, share in found])
 
+
+class _PieceEnds(Struct, frozen=True, eq=False):
+    """Ports of a graph, with the positions of beads on both sides of changes of the count.
+
+    Attributes:
+        ports: the ports.
+        to_wide: (P,) mm along the axis to the nearest wide piece.
+        spacing: (loops + 1, P) from the room at the port, before the transition.
+        moved: (loops + 1, P) added at the change.
+        fewest: (P,) fewest loops on any side of the port's point.
+    """
+
+    ports: _Ports
+    to_wide: Float
+    spacing: Float
+    moved: Float
+    fewest: Int
+
+    @classmethod
+    def of(cls, counted: CountedGraph, beading: Beading) -> _PieceEnds:
+        """Find the ports of a graph whose bead counts are known, and the positions of beads there."""
+        ports, graph = _Ports.of(counted, beading), counted.graph
+        layer = graph.layer[ports.point]
+        spacing = beading.spacings(beading.room(graph.radius[ports.leader], layer), ports.count, layer)
+        own = np.zeros(len(ports.point), np.bool_)
+        own[ports.port[counted.used]] = True
+        pairs = np.minimum(ports.count // 2, beading.loops)
+        moved, fewest = _compute_shifts(ports.point, own, ports.changing, pairs, spacing)
+        mouth = np.zeros(len(graph.xy), np.bool_)
+        mouth[graph.ends[counted.wide]] = True
+        reach = _reach_of_changes(beading)
+        to_wide = _find_nearest_changes(ports.port, ports.length, mouth[ports.point], reach)[1]
+        return cls(ports, to_wide, spacing, moved, fewest)
+
     def compute_beads(self, beading: Beading) -> tuple[Float, Float]:
         """Return the insets and widths (loops + 1, P) of beads at each port, mm."""
-        layer = self.counted.graph.layer[self.point]
-        near = self.change >= 0
+        ports, graph = self.ports, self.ports.counted.graph
+        layer = graph.layer[ports.point]
+        near = ports.change >= 0
         # In front of a wide place the beads must have reached the positions of the fixed-width loops.
-        within = np.maximum(np.minimum(self.distance + self.to_wide, _TRANSITION_LENGTH), 1e-9)
-        ease = np.where(near & (self.to_wide > 0), np.maximum(1 - self.distance / within, 0.0), 0.0)
-        spacing = self.spacing + np.where(near, self.moved[:, np.maximum(self.change, 0)], 0.0) * ease
-        pairs, rounding = np.minimum(self.count // 2, beading.loops), beading.rounding[layer]
+        within = np.maximum(np.minimum(ports.distance + self.to_wide, _TRANSITION_LENGTH), 1e-9)
+        ease = np.where(near & (self.to_wide > 0), np.maximum(1 - ports.distance / within, 0.0), 0.0)
+        spacing = self.spacing + np.where(near, self.moved[:, np.maximum(ports.change, 0)], 0.0) * ease
+        pairs, rounding = np.minimum(ports.count // 2, beading.loops), beading.rounding[layer]
         outside = np.concatenate([np.zeros((1, len(layer))), np.cumsum(spacing[:-1], axis=0)])
         inset = beading.margin[layer] + outside
         inset[:-1] += spacing[:-1] / 2
-        room = beading.room(self.counted.graph.radius[self.leader], layer)
+        room = beading.room(graph.radius[ports.leader], layer)
         left = room - 2 * np.take_along_axis(outside, pairs[None], axis=0)[0]
         width = spacing + rounding
         width[-1] = np.where(pairs > 0, left, spacing[-1]) + rounding
@@ -170,30 +194,30 @@ class _PieceEnds(Struct, frozen=True, eq=False):
 
     def make_layout(self, beading: Beading) -> BeadLayout:
         """Build the layout from the ports."""
-        counted, graph = self.counted, self.counted.graph
+        ports, counted, graph = self.ports, self.ports.counted, self.ports.counted.graph
         inset, width = self.compute_beads(beading)
-        count = self.count[self.port[:, 0]]
+        count = ports.count[ports.port[:, 0]]
         pairs = np.minimum(count // 2, beading.loops)
-        rest = _sum_ends(graph.radius.take(graph.ends)) - _sum_ends(inset.take(self.port, axis=1))
+        rest = _sum_ends(graph.radius.take(graph.ends)) - _sum_ends(inset.take(ports.port, axis=1))
         level = np.arange(beading.loops + 1)[:, None]
         there = np.where(level < beading.loops, pairs > level, count == beading.full_count)
         # The loop of an ending level turns around on its own side of the change, not over the bead beyond.
-        nearest = np.argmin(self.distance[self.port], axis=1)
-        end = np.take_along_axis(self.port, nearest[:, None], axis=1)[:, 0]
-        change = self.change[end]
+        nearest = np.argmin(ports.distance[ports.port], axis=1)
+        end = np.take_along_axis(ports.port, nearest[:, None], axis=1)[:, 0]
+        change = ports.change[end]
         half = beading.spacing[graph.piece_layer] / 2
         # In front of a wide place there may be no room to turn; the loop turns where it ends.
-        middle = self.distance[end] + graph.length / 2
-        close = (middle < half) & ((self.distance + self.to_wide)[end] > half)
+        middle = ports.distance[end] + graph.length / 2
+        close = (middle < half) & ((ports.distance + self.to_wide)[end] > half)
         ending = (change >= 0) & close & (self.fewest[change] <= level) & (level < beading.loops)
         active = there & (rest > 0) & ~ending & counted.used
         middle = counted.central & (count % 2 == 1) & (count < beading.full_count)
         return BeadLayout(
             graph,
-            self.port,
-            self.point,
-            self.leader,
-            self.count,
+            ports.port,
+            ports.point,
+            ports.leader,
+            ports.count,
             inset,
             width,
             active,
@@ -236,8 +260,10 @@ def _find_leaders(counted: CountedGraph, beading: Beading) -> tuple[Int, Int]:
     return leader, count
 
 
-def _compute_shifts(point: Int, is_used: Bool, pairs: Int, spacing: Float) -> tuple[Float, Int, Bool]:
-    """Return the shift of beads (loops + 1, P), the fewest loops (P,) and whether the count changes (P,) at each port.
+def _compute_shifts(
+    point: Int, is_used: Bool, changing: Bool, pairs: Int, spacing: Float
+) -> tuple[Float, Int]:
+    """Return the shift of beads (loops + 1, P) and the fewest loops (P,) at each port.
 
     The shift moves the beads of all sides of a change to their mean position.
     """
@@ -247,18 +273,26 @@ def _compute_shifts(point: Int, is_used: Bool, pairs: Int, spacing: Float) -> tu
     fewest = np.full(total.shape[1], np.iinfo(np.int64).max)
     chosen = np.flatnonzero(is_used)
     np.minimum.at(fewest, point[chosen], pairs[chosen])
-    changing = np.bincount(point[chosen], minlength=total.shape[1])[point] > 1
     for level in range(len(spacing) - 1):
         there = chosen[pairs[chosen] > level]
         total[level] = np.bincount(point[there], spacing[level, there], total.shape[1])
         sides[level] = np.bincount(point[there], minlength=total.shape[1])
     moved = np.where(sides > 1, total / np.maximum(sides, 1), 0.0)[:, point]
-    moved = np.where((sides[:, point] > 1) & is_used & changing, moved - spacing, 0.0)
-    return moved, fewest[point], changing & is_used
+    moved = np.where((sides[:, point] > 1) & changing, moved - spacing, 0.0)
+    return moved, fewest[point]
+
+
+def _reach_of_changes(beading: Beading) -> float:
+    """Return the distance along the axis, mm, within which changes of the count are searched."""
+    return 2 * _TRANSITION_LENGTH + float(beading.spacing.max(initial=0))
 
 
 def _find_nearest_changes(port: Int, length: Float, changing: Bool, reach: float) -> tuple[Int, Float]:
     """Return for each port (P,) the port at the nearest change along the axis, or -1, and its distance, mm."""
+    kernel = load_kernel()
+    if kernel:
+        found = kernel.nearest_marked(port.data, length.data, changing.astype(np.int64).data, reach)
+        return np.frombuffer(found[0], np.int64), np.frombuffer(found[1])
     distance = np.where(changing, 0.0, np.inf)
     change = np.where(changing, np.arange(len(changing)), -1)
     a, b = np.concatenate([port, port[:, ::-1]]).T
