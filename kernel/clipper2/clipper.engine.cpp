@@ -2394,6 +2394,11 @@ namespace Clipper2Lib {
     //Calculate edge positions at the top of the current scanbeam, and from this
     //we will determine the intersections required to reach these new positions.
     AdjustCurrXAndCopyToSEL(top_y);
+    // printer_slicer: nothing crosses if the edges are still in order, as they mostly are
+    const Active* sorted = sel_;
+    while (sorted->next_in_sel && sorted->curr_x <= sorted->next_in_sel->curr_x)
+      sorted = sorted->next_in_sel;
+    if (!sorted->next_in_sel) return false;
     //Find all edge intersections in the current scanbeam using a stable merge
     //sort that ensures only adjacent edges are intersecting. Intersect info is
     //stored in FIntersectList ready to be processed in ProcessIntersectList.

@@ -14,6 +14,7 @@
 #include <queue>
 #include <functional>
 #include <memory>
+#include "pool.hpp" // printer_slicer
 
 namespace Clipper2Lib {
 
@@ -52,7 +53,7 @@ namespace Clipper2Lib {
 		VertexFlags flags = VertexFlags::Empty;
 	};
 
-	struct OutPt {
+	struct OutPt : Pooled<OutPt> { // printer_slicer
 		Point64 pt;
 		OutPt*	next = nullptr;
 		OutPt*	prev = nullptr;
@@ -101,7 +102,7 @@ namespace Clipper2Lib {
 	//displays, which is the orientation used in Clipper's development.
 	///////////////////////////////////////////////////////////////////
 
-	struct Active {
+	struct Active : Pooled<Active> { // printer_slicer
 		Point64 bot;
 		Point64 top;
 		int64_t curr_x = 0;		//current (updated at every new scanline)
