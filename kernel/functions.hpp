@@ -6,6 +6,7 @@
 #include "python.hpp"
 
 PyObject* facing_boxes(PyObject*, PyObject* arguments);      // facing.cpp
+PyObject* clip_outlines(PyObject*, PyObject* arguments);     // outlines.cpp
 PyObject* combine_areas(PyObject*, PyObject* arguments);     // clipping.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);       // spikes.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);       // mitering.cpp

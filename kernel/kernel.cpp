@@ -7,10 +7,11 @@
 
 namespace {
 
-constexpr int INTERFACE = 2;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 3;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
+    {"clip_outlines", clip_outlines, METH_VARARGS, "Clip outlines to areas of layers; see kernel.py."},
     {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},

@@ -24,7 +24,9 @@ from printer_slicer.geometry.polygons import (
     ROUND_TOLERANCE,
     STEPS_PER_MM,
     Join,
+    OpenLines,
     Operation,
+    gather_lines,
 )
 from printer_slicer.geometry.spikes import remove_spikes
 
@@ -196,8 +198,8 @@ def _find_x_ranges(rings: Rings) -> tuple[Int, Int]:
     return np.minimum.reduceat(x, begin), np.maximum.reduceat(x, begin)
 
 
-def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
-    """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+def outlines_within(outlines: Areas, layers: list[Rings]) -> OpenLines:
+    """Return the parts of the rings of `outlines` that lie within the areas of their layer."""
     clipper, result = clipper2.Clipper64(), []
     for lines, clips in zip(_select_near_lines(outlines, layers), layers, strict=True):
         if lines and clips:
@@ -208,7 +210,7 @@ def outlines_within(outlines: Areas, layers: list[Rings]) -> list[list[Float]]:
             result.append([line / STEPS_PER_MM for line in _rejoin_lines(within)])
         else:
             result.append([])
-    return result
+    return gather_lines(result)
 
 
 def _select_near_lines(outlines: Areas, layers: list[Rings]) -> list[Rings]:

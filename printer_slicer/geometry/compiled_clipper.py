@@ -1,8 +1,8 @@
 """The default geometry engine with the compiled kernel: the same results as `clipper`, in half the time.
 
 The kernel contains the engine of Clipper2. Layers are `Areas` whose points lie on the integer grid; spikes are still
-there. They are converted to lists of rings, as in `clipper`, only for what the kernel cannot do: offsets with round
-joins, and open lines.
+there. They are converted to lists of rings, as in `clipper`, only for offsets with round joins, which the kernel
+cannot do.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import clipper
 from printer_slicer.geometry.areas import Areas
-from printer_slicer.geometry.polygons import CLEARANCE, MITER_LIMIT, Join, Operation
+from printer_slicer.geometry.polygons import CLEARANCE, MITER_LIMIT, Join, OpenLines, Operation
 from printer_slicer.geometry.spikes import remove_spikes
 from printer_slicer.kernel import Kernel, load_kernel
 
@@ -110,9 +110,14 @@ def _miter(layers: Areas, distance: Float, limit: float) -> Areas:
     return _to_areas(made, layers.n_layers)
 
 
-def outlines_within(outlines: Areas, layers: Areas) -> list[list[Float]]:
-    """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
-    return clipper.outlines_within(outlines, clipper.load(layers))
+def outlines_within(outlines: Areas, layers: Areas) -> OpenLines:
+    """Return the parts of the rings of `outlines` that lie within the areas of their layer."""
+    parts = (
+        array for areas in (outlines, layers) for array in (areas.xy, areas.ring_start, areas.ring_layer)
+    )
+    xy, start, layer = _kernel().clip_outlines(*parts)
+    size: Int = np.diff(np.frombuffer(start, np.int64)).astype(np.int64)
+    return np.frombuffer(xy).reshape(-1, 2), size, np.frombuffer(layer, np.int64)
 
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:

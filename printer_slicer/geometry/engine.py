@@ -231,11 +231,7 @@ def outlines_within(outlines: Areas, areas: Areas) -> tuple[Float, Int, Int]:
             f"the stacks have different numbers of layers: {outlines.n_layers} and {areas.n_layers}"
         )
     engine = _current_engine()
-    found = engine.outlines_within(outlines.of_layers(areas.used), engine.load(areas))
-    lines = [line for layer in found for line in layer]
-    layer = np.repeat(np.arange(areas.n_layers), [len(layer) for layer in found])
-    xy = np.concatenate([np.zeros((0, 2)), *lines])
-    return xy, np.array([len(line) for line in lines], np.int64), layer
+    return engine.outlines_within(outlines.of_layers(areas.used), engine.load(areas))
 
 
 def simplify(areas: Areas, tolerance: float) -> Areas:

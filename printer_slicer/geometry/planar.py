@@ -22,7 +22,9 @@ from printer_slicer.geometry.polygons import (
     ROUND_TOLERANCE,
     STEPS_PER_MM,
     Join,
+    OpenLines,
     Operation,
+    gather_lines,
 )
 from printer_slicer.geometry.spikes import remove_spikes
 from printer_slicer.geometry.vectors import cross, dot
@@ -102,8 +104,8 @@ def combine(operation: Operation, a: list[Any], b: list[Any]) -> list[Any]:
     return list(_select_polygons(OPERATIONS[operation](_to_shape_array(a), _to_shape_array(b))))
 
 
-def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
-    """Return for each layer the parts of the rings of `outlines` that lie within it: open lines (n, 2), mm."""
+def outlines_within(outlines: Areas, layers: list[Any]) -> OpenLines:
+    """Return the parts of the rings of `outlines` that lie within the areas of their layer."""
     rings = _to_linear_rings(outlines)
     first, last = np.searchsorted(
         outlines.ring_layer, [np.arange(len(layers)), np.arange(1, len(layers) + 1)]
@@ -115,7 +117,7 @@ def outlines_within(outlines: Areas, layers: list[Any]) -> list[list[Float]]:
         result.append(
             [np.rint(shapely.get_coordinates(line) * STEPS_PER_MM) / STEPS_PER_MM for line in lines]
         )
-    return result
+    return gather_lines(result)
 
 
 def _select_lines(shapes: Shapes) -> Shapes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal, Protocol
 
+import numpy as np
+
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry.areas import Areas
 
@@ -14,14 +16,19 @@ __all__ = [
     "STEPS_PER_MM",
     "Join",
     "Layers",
+    "OpenLines",
     "Operation",
     "Polygons",
+    "gather_lines",
 ]
 
 Join = Literal["miter", "round"]
 Operation = Literal["union", "difference", "intersection"]
 Layers = Any
 """The areas of all layers in the internal format of an engine."""
+
+OpenLines = tuple[Float, Int, Int]
+"""Points (N, 2) in mm of open lines, the number of points (M,) and the layer (M,) of each."""
 
 STEPS_PER_MM: Final = 100_000
 """Grid to which areas are rounded: 0.01 µm; 64 bits still cover 10^13 mm."""
@@ -69,8 +76,8 @@ class Polygons(Protocol):
     def combine(self, operation: Operation, a: Layers, b: Layers) -> Layers:
         """Return the union, difference or intersection, layer by layer."""
 
-    def outlines_within(self, outlines: Areas, layers: Layers) -> list[list[Float]]:
-        """Return for each layer the parts of `outlines` inside its areas, as open lines (n, 2), mm."""
+    def outlines_within(self, outlines: Areas, layers: Layers) -> OpenLines:
+        """Return the parts of `outlines` inside the areas of their layer, by layer."""
 
     def offset(self, layers: Layers, distance: Float, join: Join) -> Layers:
         """Move the outlines of each layer outward by its distance, mm."""
@@ -83,3 +90,14 @@ class Polygons(Protocol):
 
     def stroke(self, xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Layers:
         """Return for each layer the area within a radius of its open polylines."""
+
+
+def gather_lines(found: list[list[Float]]) -> OpenLines:
+    """Return the open lines (n, 2) of each layer as arrays."""
+    lines = [line for layer in found for line in layer]
+    layer = np.repeat(np.arange(len(found)), [len(layer) for layer in found])
+    return (
+        np.concatenate([np.zeros((0, 2)), *lines]),
+        np.array([len(line) for line in lines], np.int64),
+        layer,
+    )

@@ -17,6 +17,7 @@ from printer_slicer.geometry import (
     normalize,
     offset,
     offset_open,
+    outlines_within,
     union,
     window_intersection,
 )
@@ -46,6 +47,16 @@ def results(work: Callable[[], Areas]) -> list[tuple[bytes, ...]]:
 def is_same(work: Callable[[], Areas]) -> bool:
     compiled, twin = results(work)
     return compiled == twin
+
+
+def lines_within(outlines: Areas, stack: Areas) -> list[tuple[bytes, ...]]:
+    """What is clipped with the kernel and without it, as bytes."""
+    made = []
+    for kernel in ("required", "off"):
+        with pytest.MonkeyPatch.context() as patched, using_engine("clipper"):
+            patched.setenv(VARIABLE, kernel)
+            made.append(tuple(part.tobytes() for part in outlines_within(outlines, stack)))
+    return made
 
 
 def crowd(seed: int, n_layers: int) -> Areas:
@@ -144,6 +155,28 @@ def test_windows_are_intersected_alike(stack: Areas, below: int, above: int) -> 
     assert is_same(lambda: window_intersection(stack, own - below, own + above))
 
 
+@given(clean_areas(3), clean_areas(3))
+def test_outlines_are_clipped_alike(outlines: Areas, stack: Areas) -> None:
+    compiled, twin = lines_within(outlines, stack)
+
+    assert compiled == twin
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_outlines_are_clipped_alike_to_crowded_layers(seed: int) -> None:
+    compiled, twin = lines_within(crowd(seed, 5), crowd(seed + 100, 5))
+
+    assert compiled == twin
+    assert any(compiled)
+
+
+@given(areas(2))
+def test_outlines_that_cross_are_clipped_alike(outlines: Areas) -> None:
+    compiled, twin = lines_within(outlines, Areas.from_rings([[box(-5, -6, 7, 5)], [box(0, 0, 3, 9)]]))
+
+    assert compiled == twin
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_spikes_are_found_alike(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     stack = flat(seed)
@@ -177,6 +210,8 @@ def test_arrays_that_do_not_match_are_errors(broken: tuple[Float, ...]) -> None:
 
     with pytest.raises(ValueError, match=r"match|ascend|points"):
         kernel.combine_areas(0, *arrays(), *broken)
+    with pytest.raises(ValueError, match=r"match|ascend|points"):
+        kernel.clip_outlines(*arrays(), *broken)
     with pytest.raises(ValueError, match=r"match|ascend|points"):
         kernel.miter_areas(*broken, np.zeros(len(broken[2])), 2.0)
     with pytest.raises(ValueError, match=r"match|ascend|points"):
