@@ -16,5 +16,11 @@ PyObject* read_elements(PyObject*, PyObject* arguments);     // element_runs.cpp
 PyObject* inner_edges(PyObject*, PyObject* arguments);       // inner_edges.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);    // nearest_marked.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);  // voronoi.cpp
+PyObject* accumulate_with_limit(PyObject*, PyObject* arguments); // limited_sums.cpp
+PyObject* build_polyline_tree(PyObject*, PyObject* ends);        // polyline_tree.cpp
+PyObject* format_move_rows(PyObject*, PyObject* arguments);      // move_rows.cpp
+PyObject* query_polyline_tree(PyObject*, PyObject* arguments);   // polyline_tree.cpp
+PyObject* read_elements(PyObject*, PyObject* arguments);         // element_runs.cpp
+PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);      // voronoi.cpp
 
 #endif

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Int, run_starts
+from printer_slicer.kernel import load_kernel
 from printer_slicer.model import Program
 from printer_slicer.roles import Role
 from printer_slicer.values import Struct
@@ -113,6 +114,9 @@ def _format_batch(program: Program, rows: _Rows, first: int) -> tuple[bytes, Int
     return _format_rows(codes, columns)
 
 
+_Columns = list[tuple[bytes, Int, int, Bool]]  # name, values, number of decimals, whether a row has the word
+
+
 def _round_positions(program: Program, moves: Int) -> Int:
     """Return the positions (n, 3) at the end of moves (n,), in units of the last decimal."""
     decimals = 10.0 ** np.array([XY_DECIMALS, XY_DECIMALS, Z_DECIMALS])
@@ -177,8 +181,20 @@ def _defer_filament(fed: Int, feeds: Bool) -> Int:
     return np.where(last >= 0, fed[np.maximum(last, 0)], 0)
 
 
-def _format_rows(code: _Letters, columns: list[tuple[bytes, Int, int, Bool]]) -> tuple[bytes, Int]:
-    """Format a block of rows; return its text and the length of each row. `code` is the number after the G."""
+def _format_rows(code: _Letters, columns: _Columns) -> tuple[bytes, Int]:
+    """Format rows; return their text and the length of each row. `code` is the number after the G."""
+    kernel = load_kernel()
+    if not kernel:
+        return _format_rows_in_columns(code, columns)
+    words = b"".join(name[1:] + bytes([decimals]) for name, _, decimals, _ in columns)
+    values = np.stack([value for _, value, _, _ in columns])
+    present = np.stack([present for _, _, _, present in columns])
+    text, lengths = kernel.format_move_rows(code.data, words, values.data, present.data)
+    return text, np.frombuffer(lengths, np.int64)
+
+
+def _format_rows_in_columns(code: _Letters, columns: _Columns) -> tuple[bytes, Int]:
+    """Format rows as `_format_rows` does."""
     letters = [np.full(len(code), ord("G"), np.uint8), code + _ZERO]
     for name, value, decimals, present in columns:
         letters += [present * np.uint8(letter) for letter in name]

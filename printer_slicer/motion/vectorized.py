@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.kernel import load_kernel
 from printer_slicer.motion.blocks import (
     SHORTEST,
     SLOWEST,
@@ -383,6 +384,11 @@ def accumulate_with_limit(upper_bound: Float, gain: Float, first: float = 0.0) -
     """
     n_rows = max(1, int(np.sqrt(len(upper_bound))))
     width = -(-len(upper_bound) // n_rows)
+    kernel = load_kernel()
+    if kernel and len(upper_bound):
+        bounds, steps = (np.ascontiguousarray(column, np.float64) for column in (upper_bound, gain))
+        sums = kernel.accumulate_with_limit(bounds.data, steps.data, first, width)
+        return np.frombuffer(sums, np.float64)
     padded = np.zeros((2, n_rows * width))
     padded[:, : len(upper_bound)] = upper_bound, gain
     limits, gains = np.ascontiguousarray(padded.reshape(2, n_rows, width).transpose(0, 2, 1))
