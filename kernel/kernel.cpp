@@ -10,18 +10,18 @@ namespace {
 constexpr int INTERFACE = 3;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
-    {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
-    {"clip_outlines", clip_outlines, METH_VARARGS, "Clip outlines to areas of layers; see kernel.py."},
-    {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
-    {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
-    {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
     {"build_polyline_tree", build_polyline_tree, METH_O, "Build a search tree for segments; see kernel.py."},
+    {"clip_outlines", clip_outlines, METH_VARARGS, "Clip outlines to areas of layers; see kernel.py."},
+    {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
+    {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
+    {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
     {"format_move_rows", format_move_rows, METH_VARARGS, "Format rows of moves; see kernel.py."},
+    {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
+    {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
+    {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
-    {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
-    {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };
