@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 from printer_slicer.errors import OutputError
 
@@ -62,16 +61,23 @@ def _replace_file(path: Path, data: bytes) -> None:
     if path.exists() and not path.is_file():  # a device or a pipe cannot be replaced
         path.write_bytes(data)
         return
-    with NamedTemporaryFile(dir=path.parent, prefix=".", suffix=".partial", delete=False) as partial:
+    mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_read_umask()
+    # Not by `tempfile`, whose import takes as long as slicing some layers.
+    partial = path.parent / f".{os.urandom(8).hex()}.partial"
+    with open(partial, "xb", opener=_open_private) as file:
         try:
-            partial.write(data)
-            partial.flush()
-            # Temporary files are private; give the new file the usual permissions.
-            Path(partial.name).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_read_umask())
-            Path(partial.name).replace(path)
+            file.write(data)
+            file.flush()
+            partial.chmod(mode)
+            partial.replace(path)
         except BaseException:
-            Path(partial.name).unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             raise
+
+
+def _open_private(path: str, flags: int) -> int:
+    """Open a new file that only its owner can read and write."""
+    return os.open(path, flags, 0o600)
 
 
 def _read_umask() -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import contextlib
 import gc
 import os
@@ -34,6 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         7 verification failed. A reader that closes stdout or stderr early does not change it.
     """
     gc.set_threshold(_GC_THRESHOLD)  # our values form no reference cycles
+    _skip_last_collection()
     survive_closed_streams()
     warnings.showwarning = _show_warning  # type: ignore[assignment]
     is_completion_request = "_ARGCOMPLETE" in os.environ  # the shell requests completions
@@ -44,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if argv is None
         else argv
     )
-    parser = build_parser([word for word in words if word in COMMANDS][:1])
+    parser = build_parser([word for word in words if word in COMMANDS][:1], with_others=is_completion_request)
     if is_completion_request:
         from printer_slicer.cli.shell_completion import answer_completion_request
 
@@ -61,6 +63,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         failed = _report_output_error(error)
         code = code or failed
     return code
+
+
+def _skip_last_collection() -> None:
+    """Let the interpreter not search all objects for reference cycles when it exits, which takes as long as a stage."""
+    atexit.unregister(gc.freeze)  # `main` may be called several times
+    atexit.register(gc.freeze)
 
 
 def _run_command(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

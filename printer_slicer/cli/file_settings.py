@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -87,6 +86,8 @@ def _find_load_remedy(path: Path, remedy: str) -> str:
     option = re.search(r"--[a-z-]+ [^\s,;]+", remedy)
     if option is None:
         return remedy
+    import shlex
+
     return f"Import it first: printer-slicer profiles import {shlex.quote(str(path))} {option[0]}"
 
 

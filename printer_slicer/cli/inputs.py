@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import glob
 import os
 import re
-import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +16,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["MODELS", "reject_non_gcode", "resolve_inputs", "save_stdin"]
 
 MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
+_WILDCARDS: Final = frozenset("*?[")
 _STDIN_PATH: Final = Path("-")
 _PROFILE_OPTIONS: Final = ("printer", "material", "quality")
 _FILE_ACTIONS: Final = ("check", "show", "diff", *_PROFILE_OPTIONS)  # actions of `profiles` that read files
@@ -97,8 +96,10 @@ def _replace_stdin_profile(arguments: argparse.Namespace, path: str) -> None:
 def _expand_pattern(path: Path) -> list[Path]:
     """Return the files that match a pattern; a path without wildcards is returned unchanged."""
     text = str(path)
-    if not glob.has_magic(text) or path.exists():
+    if _WILDCARDS.isdisjoint(text) or path.exists():
         return [path]
+    import glob
+
     found = sorted(glob.glob(text, recursive=True))  # noqa: PTH207 - they may be absolute
     if not found:
         raise UsageError(
@@ -195,6 +196,8 @@ def reject_non_gcode(path: Path) -> None:
         return
     reject_binary_gcode(head, str(path))
     if path.suffix.lower() in MODELS:
+        import shlex
+
         raise UsageError(
             f"{path}: not a G-code file, but a model",
             remedy=f"Slice it first: printer-slicer slice {shlex.quote(str(path))}",

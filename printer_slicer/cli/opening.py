@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,6 +42,9 @@ def _open_file(path: Path) -> str:
     if sys.platform == "win32":
         os.startfile(path)  # noqa: S606 - this is how Windows opens a file
         return ""
+    import shutil
+    import subprocess
+
     opener = "open" if sys.platform == "darwin" else "xdg-open"
     if not shutil.which(opener):
         return f"{opener} is not installed"

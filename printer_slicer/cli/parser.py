@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, cast
 
 from printer_slicer.cli.arguments import attach_values
 from printer_slicer.cli.help import (
@@ -67,11 +67,14 @@ options of a command: printer-slicer COMMAND --help
 """
 
 
-def build_parser(names: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentParser:
+def build_parser(
+    names: Collection[str] = tuple(COMMANDS), *, with_others: bool = True
+) -> argparse.ArgumentParser:
     """Build the parser of the command line; the attribute `run` of the parsed arguments is the function to call.
 
     Args:
         names: the commands whose modules are imported and whose arguments are added.
+        with_others: whether the other commands have parsers, too; listing and suggesting them needs none.
     """
     parser = _TopParser(
         prog="printer-slicer",
@@ -81,8 +84,19 @@ def build_parser(names: Collection[str] = tuple(COMMANDS)) -> argparse.ArgumentP
     mark_advanced(
         parser.add_argument("--version", action=_VersionAction, nargs=0, help="show the version and exit")
     )
-    usual: type[argparse.ArgumentParser] = CommandParser
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=usual, title="commands")
+
+    def make_parser(prog: str, **named: Any) -> CommandParser | None:
+        """Make the parser of a command, if it is wanted."""
+        is_wanted = with_others or prog.removeprefix(f"{parser.prog} ") in names
+        return CommandParser(prog=prog, **named) if is_wanted else None
+
+    commands = parser.add_subparsers(
+        metavar="COMMAND",
+        required=True,
+        parser_class=cast(type[argparse.ArgumentParser], make_parser),
+        title="commands",
+        prog=parser.prog,
+    )
     for name, meaning in COMMANDS.items():
         command = commands.add_parser(
             name,

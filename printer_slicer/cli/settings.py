@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
@@ -268,6 +267,8 @@ def _translate_other_slicer_settings(arguments: argparse.Namespace) -> None:
 
 def _describe_translation(setting: FamiliarSetting, changes: Sequence[str]) -> str:
     """Say in one line which settings of this program a setting of another slicer changes."""
+    from textwrap import shorten
+
     typed, made, notes = (
         [shorten(" ".join(one.split()), _MOST_SHOWN, placeholder=" ...") for one in texts]
         for texts in (setting.typed, changes, setting.notes)

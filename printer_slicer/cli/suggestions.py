@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from difflib import get_close_matches
 from typing import Final
 
 __all__ = ["suggest", "suggest_command", "suggest_option"]
@@ -170,6 +169,8 @@ _GCODE: Final = (".gcode", ".gco", ".g")
 
 def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) -> str:
     """Return a question that suggests the known word with the most similar spelling; empty if none is similar."""
+    from difflib import get_close_matches
+
     near = get_close_matches(word, list(known), n=1, cutoff=cutoff) if word else []
     return f"Did you mean {near[0]!r}? " if near else ""
 

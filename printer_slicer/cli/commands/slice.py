@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
@@ -196,6 +195,8 @@ def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> 
     from printer_slicer.cli.facts import format_slicing_sentences
 
     if arguments.json:
+        import json
+
         print(json.dumps({"output": str(output), **facts, **collect_profile_facts(arguments)}))
     elif str(output) != "-":
         first, *more = format_slicing_sentences(facts)
