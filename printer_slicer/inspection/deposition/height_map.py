@@ -60,13 +60,12 @@ class MovePieces(Struct, frozen=True, eq=False):
 
     def take(self, indices: Int) -> MovePieces:
         """Return the pieces with these indices."""
-        return MovePieces(
-            self.move[indices], self.x[indices], self.y[indices], self.z[indices], self.length[indices]
-        )
+        columns = (column.take(indices) for column in (self.x, self.y, self.z, self.length))
+        return MovePieces(self.move.take(indices), *columns)
 
     def shift(self, offsets: Float) -> MovePieces:
         """Return the pieces, shifted in x and y by the offsets (n, 2), mm, of their moves."""
-        x, y = (np.ascontiguousarray(offsets[:, axis])[self.move] for axis in (0, 1))
+        x, y = (offsets[:, axis].take(self.move) for axis in (0, 1))
         x += self.x
         y += self.y
         return MovePieces(self.move, x, y, self.z, self.length)
@@ -78,17 +77,13 @@ def split_moves(start: Float, end: Float) -> MovePieces:
     length = np.hypot(way[:, 0], way[:, 1])
     count = np.maximum(np.ceil(length / CELL), 1).astype(np.int64)
     move = np.repeat(np.arange(len(start)), count)
-    share = (consecutive(np.zeros(len(start), np.int64), count) + 0.5) / count[move]
-    z = start[move, 2] + share * way[move, 2]
-    upright = (length == 0)[move]
-    z[upright] = np.minimum(start[move, 2], end[move, 2])[upright]
-    return MovePieces(
-        move,
-        start[move, 0] + share * way[move, 0],
-        start[move, 1] + share * way[move, 1],
-        z,
-        (length / count)[move],
-    )
+    share = (consecutive(np.zeros(len(start), np.int64), count) + 0.5) / count.take(move)
+    x, y, z = (start[:, axis].take(move) + share * way[:, axis].take(move) for axis in range(3))
+    upright = length == 0
+    if upright.any():
+        pieces = upright.take(move)
+        z[pieces] = np.minimum(start[move, 2], end[move, 2])[pieces]
+    return MovePieces(move, x, y, z, (length / count).take(move))
 
 
 class PlateHeights(Struct, frozen=True, eq=False):
@@ -123,7 +118,7 @@ class HeightMap:
         # The last cell represents everything outside; it always stays empty.
         self._outside = self._wide * self._deep
         self._top = np.zeros(self._outside + 1, np.float32)
-        self._removable = np.zeros(self._outside + 1, np.bool_)
+        self._removable: Bool | None = None  # no extrusion is removable
         self.highest = 0.0
 
     def cells(self, pieces: MovePieces) -> Int:
@@ -136,7 +131,7 @@ class HeightMap:
 
     def depth_below_print(self, cell: Int, z: Float) -> Float:
         """Return how far (P,), mm, heights z are below the top of the print in cells; negative above."""
-        return np.asarray(self._top[cell] - z)
+        return np.asarray(self._top.take(cell) - z)
 
     def max_depth_below_print_around(self, cell: Int, z: Float) -> Float:
         """Return how far (P,), mm, heights z are below the highest top of the print in 3 by 3 cells."""
@@ -183,9 +178,18 @@ class HeightMap:
             step = np.where(rows > 0, k / np.maximum(rows, 1) - 0.5, 0.0) * spread
             cell = self.cells(layer_pieces.shift(perpendicular * step[:, None]))
             np.maximum.at(self._top, cell, layer_pieces.z.astype(np.float32))
-            self._removable[cell] = removable
-        self._top[self._outside], self._removable[self._outside] = 0.0, False
+            self._mark_removable(cell, removable=removable)
+        self._top[self._outside] = 0.0
         self.highest = max(self.highest, float(pieces.z.max()))
+
+    def _mark_removable(self, cell: Int, *, removable: bool) -> None:
+        """Remember whether the top of the print in cells is removed after the print."""
+        if self._removable is None:
+            if not removable:
+                return
+            self._removable = np.zeros(self._outside + 1, np.bool_)
+        self._removable[cell] = removable
+        self._removable[self._outside] = False
 
     def plate_heights(self, max_cells: int = 1600) -> PlateHeights:
         """Return the heights of the printed area, with cells merged to at most `max_cells` per side."""
@@ -225,7 +229,10 @@ class HeightMap:
 
     def _reaches_up_to(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
         """Return a mask (P,) of cells in which the top of the print is at least at `lowest`, mm."""
-        return np.asarray(self._top[cell] + support_gap * self._removable[cell] >= lowest - 1e-4)
+        top = self._top.take(cell)
+        if self._removable is not None:
+            top = top + support_gap * self._removable.take(cell)
+        return np.asarray(top >= lowest - 1e-4)
 
 
 def _grow_mask(mask: Bool, cells: int) -> Bool:
@@ -303,6 +310,8 @@ class LevelMoves(Struct, frozen=True, eq=False):
     @classmethod
     def concatenate(cls, parts: Sequence[LevelMoves]) -> LevelMoves:
         """Concatenate consecutive moves."""
+        if len(parts) == 1:
+            return parts[0]
         return LevelMoves(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
 
 

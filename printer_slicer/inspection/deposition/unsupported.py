@@ -64,7 +64,7 @@ def find_unsupported_pieces(
     none = np.zeros(0, np.int64)
     if len(marks.layers) and not marks.layer_at(moves.command).any():
         return none  # priming may extrude into the air
-    lowest = pieces.z - moves.strand_diameter[pieces.move] * _MAX_SAG
+    lowest = pieces.z - moves.strand_diameter.take(pieces.move) * _MAX_SAG
     if not marks.has_roles:
         lowest = lowest - _SUPPORT_GAP  # the layer below may be a support
     is_supported = height_map.is_supported(cell, lowest, _SUPPORT_GAP) | (lowest <= 0)
@@ -74,7 +74,7 @@ def find_unsupported_pieces(
     if is_held.all():
         return none
     # Whether the supports themselves are supported is the slicer's responsibility.
-    removable = np.isin(moves.role, [*marks.removable])[pieces.move]
+    removable = _find_removable(moves, marks).take(pieces.move)
     return np.flatnonzero(~height_map.find_pieces_near_seeds(cell, is_held, _MAX_OVERHANG) & ~removable)
 
 
@@ -83,13 +83,24 @@ def add_to_height_map(
 ) -> None:
     """Add extrusions to the height map with their full width; arguments as for `find_unsupported_pieces`."""
     width = moves.width(-height_map.depth_below_print(cell, pieces.z))
-    removable = np.isin(moves.role, [*marks.removable])[pieces.move]
+    removable = _find_removable(moves, marks)
+    if not removable.any():
+        height_map.add_extrusions(pieces, moves.perpendicular, width, removable=False)
+        return
     for is_removable in (True, False):
-        selected = np.flatnonzero(removable == is_removable)
+        selected = np.flatnonzero(removable.take(pieces.move) == is_removable)
         if len(selected):
             height_map.add_extrusions(
                 pieces.take(selected), moves.perpendicular, width, removable=is_removable
             )
+
+
+def _find_removable(moves: LevelMoves, marks: Marks) -> Bool:
+    """Return a mask (n,) of moves whose extrusion is removed after the print, such as supports."""
+    result = np.zeros(len(moves.role), np.bool_)
+    for role in marks.removable:
+        result |= moves.role == role
+    return result
 
 
 def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> Bool:
