@@ -163,10 +163,11 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
 
     def of_points(self, keep: Bool) -> Areas:
         """Keep the points where `keep` (N,) is true; drop rings that keep fewer than three."""
-        keep = self.mask_whole_rings(keep)
-        count = np.append(0, np.cumsum(keep))[self.ring_start]
-        kept = np.diff(count) > 0
-        start = np.append(0, count[1:][kept])
+        count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
+        if ((count > 0) & (count < 3)).any():
+            keep = keep & np.repeat(count >= 3, np.diff(self.ring_start))
+        kept = count >= 3
+        start = np.append(0, np.cumsum(count[kept]))
         return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
 
     def mask_whole_rings(self, keep: Bool) -> Bool:

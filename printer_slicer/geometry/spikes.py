@@ -33,7 +33,7 @@ def remove_spikes(areas: Areas) -> Areas:
     if not spikes.any():
         return areas
     # Rings without area turn back somewhere, so the other rings need no check.
-    rings = distinct(areas.point_ring[spikes])
+    rings = distinct(np.searchsorted(areas.ring_start, np.flatnonzero(spikes), side="right") - 1)
     points = consecutive(areas.ring_start[rings], np.diff(areas.ring_start)[rings])
     keep = np.ones(len(areas.xy), np.bool_)
     keep[points] = False
