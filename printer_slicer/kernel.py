@@ -33,19 +33,6 @@ class Kernel(Protocol):
 
     CLIPPER2_VERSION: str
 
-    def clip_outlines(self, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
-        """Return the parts of outlines within areas as `printer_slicer.geometry.clipper` does, on its grid.
-
-        Args:
-            areas: three arrays of the outlines, and three of the areas.
-
-        Returns:
-            The points of the open lines, the offset of each line, and its layer, like the arrays of areas.
-
-        Raises:
-            ValueError: the arrays do not match.
-        """
-
     def accumulate_with_limit(
         self, bound: memoryview, gain: memoryview, first: float, width: int, /
     ) -> bytes:
@@ -77,6 +64,19 @@ class Kernel(Protocol):
             ValueError: a segment does not have four numbers.
         """
 
+    def clip_outlines(self, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
+        """Return the parts of outlines within areas as `printer_slicer.geometry.clipper` does, on its grid.
+
+        Args:
+            areas: three arrays of the outlines, and three of the areas.
+
+        Returns:
+            The points of the open lines, the offset of each line, and its layer, like the arrays of areas.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
     def combine_areas(self, operation: int, /, *areas: Buffer) -> tuple[bytes, bytes, bytes]:
         """Combine two areas layer by layer as `printer_slicer.geometry.clipper` does, on its grid.
 
@@ -89,6 +89,31 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match.
+        """
+
+    def cut_edges(
+        self,
+        corners: memoryview,
+        level: memoryview,
+        low: memoryview,
+        high: memoryview,
+        planes: memoryview,
+        /,
+    ) -> tuple[bytes, bytes]:
+        """Return the points where planes cut edges; see `printer_slicer.geometry.plane_sections`.
+
+        Args:
+            corners: (3, C) float64, x, y and z of corners.
+            level: (C,) int64, the number of planes at or below each corner.
+            low: (E,) int64, the corner at the lower end of each edge.
+            high: (E,) int64, the corner at its upper end.
+            planes: (P,) float64, ascending heights of the planes.
+
+        Returns:
+            The points (N, 2) as float64, and the plane (N,) of each as int64; edge by edge, plane by plane.
+
+        Raises:
+            ValueError: the arrays do not match, or an index is outside of its array.
         """
 
     def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
@@ -105,6 +130,17 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: a side does not have 11 numbers.
+        """
+
+    def find_cycles(self, following: memoryview, /) -> tuple[bytes, bytes] | None:
+        """Find the cycles of a permutation (n,) of int64; see `printer_slicer.geometry.connectivity`.
+
+        Returns:
+            The lowest index in the cycle of each item, and the steps from there to the item, (n,) int64 each; None if
+            it is not a permutation.
+
+        Raises:
+            ValueError: an index is outside of the array.
         """
 
     def find_spikes(self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, /) -> bytes:
@@ -183,6 +219,21 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match, or a length is negative.
+        """
+
+    def number_cuts(self, level: memoryview, edges: memoryview, slot: memoryview, /) -> bytes:
+        """Return the node where each plane cuts an edge of each facet; see `printer_slicer.geometry.plane_sections`.
+
+        Args:
+            level: (C,) int64, as for `cut_edges`.
+            edges: (4, H) int64, start corner, lower and upper corner, and base of the nodes of each half-edge.
+            slot: (F,) int64, base of the results of each facet; corner `c` belongs to the facet `c % F`.
+
+        Returns:
+            The nodes (S,) as int64.
+
+        Raises:
+            ValueError: as for `cut_edges`.
         """
 
     def query_polyline_tree(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.kernel import load_kernel
 
 __all__ = [
     "Index",
@@ -204,6 +205,11 @@ def _find_lowest_index(following: Int | Index) -> Index:
 
 def find_cycles(following: Int) -> tuple[Int, Int]:
     """Return the lowest index in the cycle of each item of a permutation, and the steps (n,) from there to the item."""
+    kernel = load_kernel()
+    found = kernel.find_cycles(np.ascontiguousarray(following, np.int64).data) if kernel else None
+    if found:
+        lowest_in, steps_to = found
+        return np.frombuffer(lowest_in, np.int64), np.frombuffer(steps_to, np.int64)
     n = len(following)
     lowest = _find_lowest_index(following)
     # Count the steps to the first item of the cycle, by pointer jumping along the chain that ends there.

@@ -18,6 +18,7 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.connectivity import Index, find_cycles, weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, directed_edge_keys, expand_counts
 from printer_slicer.geometry.vectors import cross
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
 
 __all__ = ["Crossings", "intersect_with_planes", "section_areas", "section_contours"]
@@ -114,7 +115,8 @@ class _HalfEdges(NamedTuple):
 
 def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high: int) -> Crossings:
     """Return the segments in the planes from `low` up to `high`, given the facets that cross these planes."""
-    x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, n): corner, facet
+    corners = np.ascontiguousarray(triangles.transpose(2, 1, 0))
+    x, y, z = corners  # (3, n): corner, facet
     clipped = np.clip(level, low, high)
     after = clipped[[1, 2, 0]]
     rising, falling = _select_half_edges(clipped < after), _select_half_edges(clipped > after, turned=True)
@@ -126,13 +128,10 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
     ends = [
         np.concatenate([one, other]).take(chosen) for one, other in zip(rising[1:], falling[1:], strict=True)
     ]
-    flat = clipped.ravel()
+    flat = clipped.ravel().astype(np.int64)
     first, last = flat.take(ends[0]), flat.take(ends[1])
     base = np.cumsum(last - first) - last  # node of (edge, plane) is base[edge] + plane
-    owner, place = expand_counts(last - first)
-    plane = first.take(owner) + place
-    low_end, high_end = ends[0].take(owner), ends[1].take(owner)
-    xy = _interpolate((x.ravel(), y.ravel(), z.ravel()), low_end, high_end, planes.take(plane))
+    xy, plane = _cut_edges(corners, flat, ends[0], ends[1], planes)
     bottom = np.minimum(np.minimum(clipped[0], clipped[1]), clipped[2])
     top = np.maximum(np.maximum(clipped[0], clipped[1]), clipped[2])
     slot = np.cumsum(top - bottom) - top  # the slot of (facet, plane) is slot[facet] + plane
@@ -140,7 +139,7 @@ def _cross_planes(triangles: Float, level: Index, planes: Float, low: int, high:
     tail = _find_nodes(falling, flat, slot, base.take(edge_of_falling))
     # An edge that spans several batches counts in the batch where it starts.
     unpaired = int((level.ravel()[ends[0][alone]] >= low).sum())
-    return Crossings(xy, plane.astype(np.int64), tail, head, unpaired)
+    return Crossings(xy, plane, tail, head, unpaired)
 
 
 def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
@@ -151,14 +150,40 @@ def _select_half_edges(which: Bool, *, turned: bool = False) -> _HalfEdges:
     return _HalfEdges(item, after, item) if turned else _HalfEdges(item, item, after)
 
 
-def _find_nodes(half_edges: _HalfEdges, level: Index, slot: Int, base: Int | Index) -> Int:
+def _find_nodes(half_edges: _HalfEdges, level: Int, slot: Int, base: Int) -> Int:
     """Return the node (S,) where each plane crosses the rising (or falling) half-edge of its facet."""
+    kernel = load_kernel()
+    if kernel:
+        edges = np.stack([*half_edges, base])
+        return np.frombuffer(kernel.number_cuts(level.data, edges.data, slot.data), np.int64)
     first = level.take(half_edges.low)
     owner, place = expand_counts(level.take(half_edges.high) - first)
     plane = first.take(owner) + place
     nodes = np.zeros(len(owner), np.int64)
     nodes[slot.take(half_edges.item % len(slot)).take(owner) + plane] = base.take(owner) + plane
     return nodes
+
+
+def _cut_edges(corners: Float, level: Int, low: Int, high: Int, planes: Float) -> tuple[Float, Int]:
+    """Return the points (N, 2) where planes cut edges, edge by edge, and the plane (N,) of each.
+
+    Args:
+        corners: (3, 3, n) x, y and z of the corners.
+        level: (3 * n,) number of planes at or below each corner.
+        low: (E,) corner at the lower end of each edge.
+        high: (E,) corner at its upper end.
+        planes: (P,) heights of the planes.
+    """
+    kernel = load_kernel()
+    if kernel:
+        arrays = (np.ascontiguousarray(array).data for array in (corners, level, low, high, planes))
+        xy, plane = kernel.cut_edges(*arrays)
+        return np.frombuffer(xy, np.float64).reshape(-1, 2), np.frombuffer(plane, np.int64)
+    first = level.take(low)
+    owner, place = expand_counts(level.take(high) - first)
+    planes_of = first.take(owner) + place
+    x, y, z = corners.reshape(3, -1)
+    return _interpolate((x, y, z), low.take(owner), high.take(owner), planes.take(planes_of)), planes_of
 
 
 def _interpolate(corner: tuple[Float, Float, Float], low: Int, high: Int, z: Float) -> Float:
