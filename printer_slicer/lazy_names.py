@@ -1,12 +1,13 @@
-"""Import the public names of a package on first use, so that importing the package is fast."""
+"""Import names on first use, so that importing a package is fast."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
+from typing import Any
 
-__all__ = ["lazy_names"]
+__all__ = ["LazyTable", "lazy_names"]
 
 
 def lazy_names(
@@ -41,3 +42,28 @@ def lazy_names(
         return value
 
     return load
+
+
+class LazyTable(Mapping[str, Any]):
+    """A table of functions, each of which is imported when it is read.
+
+    Args:
+        package: full name of the package.
+        functions: key -> `module.function` in the package.
+    """
+
+    def __init__(self, package: str, functions: Mapping[str, str]) -> None:
+        self._package, self._functions = package, functions
+
+    def __getitem__(self, key: str) -> Any:
+        """Return the function of a key."""
+        module, _, name = self._functions[key].rpartition(".")
+        return getattr(import_module(f"{self._package}.{module}"), name)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the keys."""
+        return iter(self._functions)
+
+    def __len__(self) -> int:
+        """Return the number of functions."""
+        return len(self._functions)

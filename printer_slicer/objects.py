@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from printer_slicer.overhangs import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_overridden_objects, make_profile_for_object
 from printer_slicer.slicing import cut
+from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
 
 __all__ = ["cut_objects", "make_object_paths", "split_objects", "stack_sections"]
@@ -114,7 +114,7 @@ def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]]) ->
     known = sorted(set().union(*object_names))
     for name in overridden:
         if name not in known:
-            near = get_close_matches(name, known, n=1)
+            near = find_similar_words(name, known, most=1)
             hint = f"Did you mean {near[0]!r}?" if near else ""
             raise UsageError(
                 f"no object named {name!r}; objects: {', '.join(known)}",

@@ -1,11 +1,13 @@
-"""Format plain values for messages and files: numbers, durations, types, names of functions."""
+"""Format plain values for messages and files: numbers, durations, types, names of functions; find similar words."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import floor, log10
 
 __all__ = [
     "describe_type",
+    "find_similar_words",
     "format_count",
     "format_duration",
     "format_number",
@@ -48,3 +50,17 @@ def describe_type(value: object) -> str:
 def get_callable_name(function: object) -> str:
     """Return the name of a function, or of the type of an object without a name."""
     return str(getattr(function, "__name__", type(function).__name__))
+
+
+def find_similar_words(word: str, known: Iterable[str], *, most: int = 3, cutoff: float = 0.6) -> list[str]:
+    """Return the known words with a spelling similar to a word, the most similar first.
+
+    Args:
+        word: the word.
+        known: words to compare with it.
+        most: maximum number of words to return.
+        cutoff: minimum similarity, from 0 to 1.
+    """
+    from difflib import get_close_matches  # noqa: PLC0415 - only messages need it
+
+    return get_close_matches(word, list(known), most, cutoff)

@@ -12,6 +12,8 @@ import pytest
 
 import printer_slicer
 from printer_slicer.cli.parser import COMMANDS
+from printer_slicer.infill import PATTERNS
+from printer_slicer.planning import PLANNERS
 from printer_slicer.printing.commands import Abort
 from printer_slicer.printing.control_socket import serve_control_socket
 from printer_slicer.printing.controls import Controls
@@ -136,6 +138,27 @@ def test_thumbnails_as_png_need_no_pillow_and_those_as_qoi_not_all_of_its_format
 
     assert [name for name in png if name.startswith("PIL")] == []
     assert 1 <= len([name for name in qoi if name.startswith("PIL") and name.endswith("Plugin")]) <= 9
+
+
+def test_slicing_a_box_imports_nothing_that_a_box_does_without(tmp_path: Path) -> None:
+    names = after_slicing(tmp_path, "-q", "--quality", "standard")
+    own = {name.removeprefix("printer_slicer.") for name in names if name.startswith("printer_slicer.")}
+    rooms = {"doctor", "drawing", "exports", "importing", "jobs", "printing", "sending", "sim", "slice_jobs"}
+    patterns = {path.stem for path in (ROOT / "printer_slicer" / "infill").glob("[a-z]*.py")} & {*PATTERNS}
+
+    assert not {name.partition(".")[0] for name in names} & {
+        "PIL",
+        "difflib",
+        "rich",
+        "subprocess",
+        "trimesh",
+    }
+    assert {name for name in own if name.partition(".")[0] in rooms} == set()
+    assert {name.partition(".")[2] for name in own if name.startswith("planning.")} & {*PLANNERS} == {
+        "uniform"
+    }
+    assert {name.partition(".")[2] for name in own if name.startswith("infill.")} & patterns == {"grid"}
+    assert len(own) <= 250
 
 
 @pytest.mark.parametrize("name", printer_slicer.__all__)

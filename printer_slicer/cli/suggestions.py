@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
+from printer_slicer.texts import find_similar_words
+
 __all__ = ["suggest", "suggest_command", "suggest_option"]
 
 _MIN_SIMILARITY: Final = 0.75  # from 0 to 1; less similar words are not suggested
@@ -169,9 +171,7 @@ _GCODE: Final = (".gcode", ".gco", ".g")
 
 def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) -> str:
     """Return a question that suggests the known word with the most similar spelling; empty if none is similar."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word, list(known), n=1, cutoff=cutoff) if word else []
+    near = find_similar_words(word, known, most=1, cutoff=cutoff) if word else []
     return f"Did you mean {near[0]!r}? " if near else ""
 
 

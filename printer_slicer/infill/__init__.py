@@ -8,12 +8,7 @@ from typing import Final
 from printer_slicer.arrays import Int
 from printer_slicer.geometry import Polylines
 from printer_slicer.infill.combined_infill import group_layers
-from printer_slicer.infill.concentric import concentric_lines
-from printer_slicer.infill.cubic import cubic_lines
 from printer_slicer.infill.custom_pattern import Infill, make_checked_pattern
-from printer_slicer.infill.grid import grid_lines
-from printer_slicer.infill.gyroid import gyroid_lines
-from printer_slicer.infill.honeycomb import honeycomb_lines
 from printer_slicer.infill.infill_task import InfillTask, Pattern
 from printer_slicer.infill.internal_bridges import layers_below_bridges, support_internal_bridges
 from printer_slicer.infill.internal_infill import (
@@ -22,27 +17,28 @@ from printer_slicer.infill.internal_infill import (
     lay_out_pattern,
     lines_on_layers,
 )
-from printer_slicer.infill.lightning import lightning_lines, lightning_pattern
-from printer_slicer.infill.rectilinear import rectilinear_lines
 from printer_slicer.infill.solid import solid_paths
-from printer_slicer.infill.triangles import triangle_lines
 from printer_slicer.layer_settings import resolve_layer_settings
+from printer_slicer.lazy_names import LazyTable
 from printer_slicer.model import Regions, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.values import replace
 
 __all__ = ["PATTERNS", "Infill", "InfillTask", "Pattern", "infill_paths"]
 
-PATTERNS: Final[Mapping[str, Pattern]] = {
-    "rectilinear": rectilinear_lines,
-    "grid": grid_lines,
-    "triangles": triangle_lines,
-    "cubic": cubic_lines,
-    "gyroid": gyroid_lines,
-    "honeycomb": honeycomb_lines,
-    "concentric": concentric_lines,
-    "lightning": lightning_lines,
-}
+PATTERNS: Final[Mapping[str, Pattern]] = LazyTable(
+    __name__,
+    {
+        "rectilinear": "rectilinear.rectilinear_lines",
+        "grid": "grid.grid_lines",
+        "triangles": "triangles.triangle_lines",
+        "cubic": "cubic.cubic_lines",
+        "gyroid": "gyroid.gyroid_lines",
+        "honeycomb": "honeycomb.honeycomb_lines",
+        "concentric": "concentric.concentric_lines",
+        "lightning": "lightning.lightning_lines",
+    },
+)
 
 
 def infill_paths(
@@ -90,4 +86,8 @@ def _lay_out_infill(
     # Lightning trees have this density only directly below the areas that they support.
     measured = quality.infill != "lightning"
     layout = lay_out_pattern(regions, groups, PATTERNS[quality.infill], profile, measured=measured)
-    return layout if measured else replace(layout, pattern=lightning_pattern(layout.task))
+    if measured:
+        return layout
+    from printer_slicer.infill.lightning import lightning_pattern  # noqa: PLC0415 - one pattern of eight
+
+    return replace(layout, pattern=lightning_pattern(layout.task))

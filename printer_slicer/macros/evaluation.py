@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Collection, Mapping, Sequence
-from difflib import get_close_matches
 from math import fmod
 from typing import Final
 
@@ -36,6 +35,7 @@ from printer_slicer.macros.values import (
     is_equal,
     round_to_whole,
 )
+from printer_slicer.texts import find_similar_words
 
 __all__ = ["check_name_exists", "evaluate", "evaluate_with_vectors", "is_true"]
 _COMPARISONS: Final[Mapping[str, Callable[[float, float], bool]]] = {
@@ -109,7 +109,7 @@ def check_name_exists(node: Name | Call, known: Collection[str]) -> None:
     if isinstance(node, Call):
         _find_function(node)
     elif node.name not in known and node.name.rstrip("0123456789").removesuffix("_") not in known:
-        near = get_close_matches(node.name, known, n=1)
+        near = find_similar_words(node.name, known, most=1)
         hint = f"Did you mean {{{near[0]}}}?" if near else _suggest_facts(known)
         raise UnknownName(node.name, node.position, hint)
 
@@ -284,7 +284,7 @@ def _find_function(node: Call) -> Callable[[Sequence[Value]], Value]:
     """
     function = FUNCTIONS.get(node.name)
     if function is None:
-        near = get_close_matches(node.name, FUNCTIONS, n=1)
+        near = find_similar_words(node.name, FUNCTIONS, most=1)
         hint = f"Did you mean {near[0]}()?" if near else f"Choose one of: {', '.join(sorted(FUNCTIONS))}"
         raise MacroFault(node.position, f"unknown function {node.name}()", hint)
     return function

@@ -5,26 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from printer_slicer.lazy_names import LazyTable
 from printer_slicer.model import LayerPlan, Mesh
-from printer_slicer.planning.area import plan_area
-from printer_slicer.planning.cusp import plan_cusp
-from printer_slicer.planning.genetic import plan_genetic
-from printer_slicer.planning.optimal import plan_optimal
-from printer_slicer.planning.stepwise import plan_stepwise
-from printer_slicer.planning.uniform import plan_uniform
 from printer_slicer.profile import Profile
 
 __all__ = ["PLANNERS", "Planner", "plan_layers"]
 
 Planner = Callable[[Mesh, Profile], LayerPlan]
-PLANNERS: Final[Mapping[str, Planner]] = {
-    "uniform": plan_uniform,
-    "area": plan_area,
-    "cusp": plan_cusp,
-    "stepwise": plan_stepwise,
-    "genetic": plan_genetic,
-    "optimal": plan_optimal,
-}
+PLANNERS: Final[Mapping[str, Planner]] = LazyTable(
+    __name__,
+    {name: f"{name}.plan_{name}" for name in ("uniform", "area", "cusp", "stepwise", "genetic", "optimal")},
+)
 
 
 def plan_layers(mesh: Mesh, profile: Profile) -> LayerPlan:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import date, time
-from difflib import get_close_matches
 from typing import Any, Final, NamedTuple
 
 import msgspec
@@ -16,6 +15,7 @@ from printer_slicer.profile.keys import TABLE_LISTS, find_nearest_key, list_sect
 from printer_slicer.profile.lists import LISTS
 from printer_slicer.profile.reading import KINDS, SettingsSource
 from printer_slicer.profile.settings import PLANNER_SETTINGS
+from printer_slicer.texts import find_similar_words
 
 __all__ = ["SettingFault", "convert_section", "find_first_fault"]
 
@@ -151,7 +151,7 @@ def _suggest_percentage(kind: str, path: str, value: object) -> str:
 
 def _suggest_choice(value: object, choices: Sequence[str]) -> str:
     """Suggest the most similar choice, as a question; return an empty text if no choice is similar."""
-    near = get_close_matches(str(value), choices, n=1)
+    near = find_similar_words(str(value), choices, most=1)
     return f"Did you mean {near[0]!r}? " if near else ""
 
 

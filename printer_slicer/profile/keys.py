@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any, Final
 
 from msgspec import Struct
@@ -21,6 +20,7 @@ from printer_slicer.profile.settings import (
     PrinterSpeeds,
     Speeds,
 )
+from printer_slicer.texts import find_similar_words
 
 __all__ = [
     "INNER_TABLES",
@@ -108,8 +108,8 @@ def _find_similar(key: str, known: Collection[str]) -> list[str]:
 
     One different word makes another setting: `print_temperature` is not a misspelt `bed_temperature`.
     """
-    near = get_close_matches(key, known, cutoff=_LEAST_SIMILARITY)
-    spelt = get_close_matches(key, near, cutoff=_LEAST_SIMILARITY_OF_WHOLE)
+    near = find_similar_words(key, known, cutoff=_LEAST_SIMILARITY)
+    spelt = find_similar_words(key, near, cutoff=_LEAST_SIMILARITY_OF_WHOLE)
     words = key.split("_")
     return [
         name
@@ -118,7 +118,7 @@ def _find_similar(key: str, known: Collection[str]) -> list[str]:
         or (
             len(words) == len(others := name.split("_"))
             and all(
-                get_close_matches(word, [other], cutoff=_LEAST_SIMILARITY)
+                find_similar_words(word, [other], cutoff=_LEAST_SIMILARITY)
                 for word, other in zip(words, others, strict=True)
             )
         )

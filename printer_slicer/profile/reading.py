@@ -6,7 +6,6 @@ import errno
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -23,6 +22,7 @@ from printer_slicer.profile.renamed import (
     replace_former_names,
 )
 from printer_slicer.profile.settings import Material, Printer, Quality
+from printer_slicer.texts import find_similar_words
 from printer_slicer.toml_text import MOST_BYTES, TomlError, find_key_lines, parse_toml
 
 __all__ = [
@@ -367,7 +367,7 @@ def _find_matching_kind(name: str, folders: Sequence[Path]) -> str:
         shown = ", ".join(f"{kind} {matches[kind][0].name}" for kind in candidates)
         raise ProfileError(f"several profiles match {name!r}", remedy=f"Did you mean {shown}?")
     known = sorted(one for kind in KINDS for one in find_profile_paths(kind, folders))
-    near = get_close_matches(name, known, n=1)
+    near = find_similar_words(name, known, most=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
     raise ProfileError(
         f"unknown profile {name!r}", remedy=f"{hint}`printer-slicer profiles` lists all profiles"
