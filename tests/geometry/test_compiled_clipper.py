@@ -77,7 +77,15 @@ def flat(seed: int) -> Areas:
     return Areas.from_rings([rings[:5], [], rings[5:]])
 
 
+@pytest.fixture
+def required(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use the kernel, also in a run without it."""
+    monkeypatch.setenv(VARIABLE, "required")
+
+
 def test_the_engine_is_the_compiled_one_if_there_is_a_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+
     assert getattr(load_engine("clipper"), "__name__", "").endswith("compiled_clipper")
 
     monkeypatch.setenv(VARIABLE, "off")
@@ -204,6 +212,7 @@ def arrays(n: int = 4, start: tuple[int, ...] = (0, 4), layer: tuple[int, ...] =
         (np.zeros(9, np.int8), *arrays()[1:]),
     ],
 )
+@pytest.mark.usefixtures("required")
 def test_arrays_that_do_not_match_are_errors(broken: tuple[Float, ...]) -> None:
     kernel = load_kernel()
     assert kernel
@@ -218,6 +227,7 @@ def test_arrays_that_do_not_match_are_errors(broken: tuple[Float, ...]) -> None:
         kernel.find_spikes(*broken)
 
 
+@pytest.mark.usefixtures("required")
 def test_other_wrong_arguments_are_errors() -> None:
     kernel = load_kernel()
     assert kernel
