@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.extrusion.timing import _compute_seconds
-from printer_slicer.gcode.move_text import format_moves
+from printer_slicer.firmware import FLAVOURS
+from printer_slicer.gcode.writer import ProgramFacts, write_program
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry.plane_sections import intersect_with_planes
 from printer_slicer.model import LayerPlan, Program
@@ -19,16 +20,18 @@ from printer_slicer.roles import Role
 from tests.parts import box, profile, sphere
 
 _FEW, _MANY = 1 << 16, 1 << 18
-_PLAN = LayerPlan.from_tops(np.array([0.2]))
+_PER_LAYER = 1 << 11  # moves
 
 
 def _make_zigzag(n_moves: int) -> Program:
     """A program of short extrusions to and fro."""
-    at = np.arange(n_moves)
-    xyz = np.column_stack([at % 100 * 1.5, at // 100 * 0.05, np.full(n_moves, 0.2)])
+    at, plan = np.arange(n_moves), LayerPlan.from_tops(0.2 * np.arange(1, n_moves // _PER_LAYER + 1))
+    xyz = np.column_stack([at % 100 * 1.5, at // 100 * 0.05, plan.top[at // _PER_LAYER]])
     ones = np.ones(n_moves)
     role = np.full(n_moves, Role.INTERNAL_INFILL)
-    return Program(_PLAN, np.zeros(3), xyz, ones * 0.05, ones * 60, at * 0, role, ones * 0.4, ones * 0.2)
+    return Program(
+        plan, np.zeros(3), xyz, ones * 0.05, ones * 60, at // _PER_LAYER, role, ones * 0.4, ones * 0.2
+    )
 
 
 def _measure_peak(run: Callable[[], object]) -> int:
@@ -56,8 +59,16 @@ def _bytes_per_move() -> float:
     return sum(getattr(program, name).nbytes for name in names) / _FEW
 
 
-def test_text_takes_little_more_memory_at_its_peak_than_the_moves() -> None:
-    assert _grow_per_move(lambda one: format_moves(one, relative=True)) < 1.75 * _bytes_per_move()
+def _write_in_pieces(program: Program) -> None:
+    """Write a program piece by piece, and keep no piece."""
+    used = profile()
+    facts = ProgramFacts(seconds=np.full(program.n_moves, 0.025))
+    for _ in write_program(program, used, FLAVOURS[used.printer.flavour], facts):
+        pass
+
+
+def test_text_is_not_kept_in_memory() -> None:
+    assert _grow_per_move(_write_in_pieces) < 0.5 * _bytes_per_move()
 
 
 def test_times_take_little_more_memory_at_their_peak_than_the_moves() -> None:

@@ -37,8 +37,10 @@ def collect_print_facts(
     known = _collect_settings(profile)
     printer, material = profile.printer, profile.material
     (left, front), (right, back) = printer.corners
-    first = (program.role != Role.TRAVEL) & (program.layer == 0)
-    beads = np.concatenate([program.start[first], program.xyz[first]])[:, :2]
+    moves = int(np.searchsorted(program.layer, 1))  # of the first layer
+    first = program.role[:moves] != Role.TRAVEL
+    places = np.concatenate([program.origin[None], program.xyz[:moves]])[:, :2]
+    beads = np.concatenate([places[:-1][first], places[1:][first]])
     low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
     used = program.filament_used
     grams = used * pi * material.filament_diameter**2 / 4000 * material.density

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
 from heapq import merge
 from itertools import chain
 from math import ceil
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, distinct, run_starts, unique_inverse
 from printer_slicer.errors import ProfileError
@@ -23,7 +25,7 @@ from printer_slicer.gcode.labels import (
     move_lines_outside_objects,
 )
 from printer_slicer.gcode.lexer import parse
-from printer_slicer.gcode.move_text import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, MoveText
+from printer_slicer.gcode.move_text import E_DECIMALS, XY_DECIMALS, Z_DECIMALS, RowPlan, split_by_layers
 from printer_slicer.gcode.state import uses_inches
 from printer_slicer.macros import Template, Value, read_template
 from printer_slicer.model import Acceleration, Event, Fan, Heat, PressureAdvance, Program, ToolChange
@@ -34,11 +36,11 @@ from printer_slicer.values import Struct, field
 
 __all__ = [
     "TYPE_NAMES",
+    "ExtrusionComments",
+    "InsertedLines",
     "WriteContext",
-    "collect_insertions",
     "find_firmware_retractions",
     "find_macros_that_take_time",
-    "format_extrusion_comments",
     "format_fan",
     "format_first_progress",
     "read_macro",
@@ -51,6 +53,7 @@ _MODES: Final = find_codes(Effect.UNITS | Effect.MODE | Effect.SETS_POSITION)
 _TIMED: Final = _MOVING | {b"G4"}
 _ROUNDING_MARGIN: Final = 1e-9  # keeps rounding from making the last percent 99
 _PROGRESS_INTERVAL: Final = 5.0  # s: minimum time between updates of the percentage
+_MOVES_AT_ONCE: Final = 8192  # whose progress is computed
 _Insertion = tuple[int, list[str]]
 
 
@@ -87,55 +90,85 @@ def read_macro(profile: Profile, name: str) -> Template:
     return read_template(getattr(printer, name), f"printer {printer.name!r}: {name}")
 
 
-def collect_insertions(
-    context: WriteContext, rows: MoveText, retractions: Int, marks: list[ObjectMark]
-) -> dict[int, list[str]]:
-    """Collect the lines before each move and after the last one, but not the comments of `format_extrusion_comments`.
+class InsertedLines:
+    """The lines before each move and after the last one, except the comments of extrusions, taken in print order.
 
     Args:
         context: inputs of the file.
-        rows: the moves as text.
+        rows: the rows of the moves.
         retractions: (K,) which moves are firmware retractions, see `find_firmware_retractions`.
         marks: where objects start and end.
-
-    Raises:
-        ProfileError: a macro cannot be evaluated, or a pause lies above the part.
     """
-    notes: dict[int, list[str]] = {}
-    relative, marking = context.profile.printer.relative_extrusion, context.marking
-    layers, arrivals = _render_layer_macros(context, rows)
-    sources = (
-        format_stop_labels(marks, marking, rows, relative=relative) if marking else (),
-        _repeat_last_changes(context, marks),
-        move_lines_outside_objects(iter(layers), marks),
-        move_lines_outside_objects(_format_events(context), marks),
-        format_start_labels(marks, marking) if marking else (),
-        arrivals,
-        _format_progress_updates(context),
-        _format_retractions(retractions),
-    )
-    for source in sources:
-        for index, lines in source:
-            notes.setdefault(index, []).extend(lines)
-    return notes
+
+    def __init__(
+        self, context: WriteContext, rows: RowPlan, retractions: NDArray[np.int8], marks: list[ObjectMark]
+    ) -> None:
+        relative, marking = context.profile.printer.relative_extrusion, context.marking
+        layers, arrivals = _render_layer_macros(context, rows)
+        sources: Iterable[Iterable[_Insertion]] = (
+            format_stop_labels(marks, marking, rows, relative=relative) if marking else (),
+            _repeat_last_changes(context, marks),
+            move_lines_outside_objects(layers, marks),
+            move_lines_outside_objects(_format_events(context), marks),
+            format_start_labels(marks, marking) if marking else (),
+            arrivals,
+            _format_progress_updates(context),
+            _format_retractions(retractions),
+        )
+        self._sources = [iter(source) for source in sources]
+        self._next = [next(source, None) for source in self._sources]
+
+    def take_before(self, move: int) -> dict[int, list[str]]:
+        """Return the lines before each move, up to those before the move before this one, that were not yet taken.
+
+        Raises:
+            ProfileError: a macro cannot be evaluated, or a pause lies above the part.
+        """
+        notes: dict[int, list[str]] = {}
+        for place, source in enumerate(self._sources):
+            note = self._next[place]
+            while note is not None and note[0] < move:
+                notes.setdefault(note[0], []).extend(note[1])
+                note = next(source, None)
+            self._next[place] = note
+        return notes
 
 
-def _render_layer_macros(context: WriteContext, rows: MoveText) -> tuple[list[_Insertion], list[_Insertion]]:
+def _render_layer_macros(
+    context: WriteContext, rows: RowPlan
+) -> tuple[Iterator[_Insertion], Iterator[_Insertion]]:
     """Return the lines before each layer, and those after the nozzle has reached the height of each layer.
 
     Macros are evaluated in print order, because they share global variables.
     """
     shared = dict(context.shared)
-    found: tuple[list[_Insertion], list[_Insertion]] = [], []
-    layers = ((found[0], note) for note in _format_layer_changes(context, rows, shared))
-    arrivals = ((found[1], note) for note in _format_layer_start_macros(context, rows, shared))
-    for notes, note in merge(layers, arrivals, key=lambda one: one[1][0]):
-        notes.append(note)
-    return found
+    waiting: tuple[deque[_Insertion], deque[_Insertion]] = (deque(), deque())
+    layers = ((waiting[0], note) for note in _format_layer_changes(context, rows, shared))
+    if not _has_layer_start_macros(context):
+        return (note for _, note in layers), iter(())
+    arrivals = ((waiting[1], note) for note in _format_layer_start_macros(context, rows, shared))
+    both = merge(layers, arrivals, key=lambda one: one[1][0])
+
+    def take(own: deque[_Insertion]) -> Iterator[_Insertion]:
+        """Yield the lines of one kind; those of the other kind wait until they are taken."""
+        while True:
+            while not own:
+                if (following := next(both, None)) is None:
+                    return
+                following[0].append(following[1])
+            yield own.popleft()
+
+    return take(waiting[0]), take(waiting[1])
+
+
+def _has_layer_start_macros(context: WriteContext) -> bool:
+    """Return whether there are lines after the nozzle has reached a layer: a macro or a pause."""
+    profile = context.profile
+    return not read_macro(profile, "layer_gcode").is_empty or bool(profile.quality.pause_at)
 
 
 def _format_layer_changes(
-    context: WriteContext, rows: MoveText, shared: dict[str, Value]
+    context: WriteContext, rows: RowPlan, shared: dict[str, Value]
 ) -> Iterator[_Insertion]:
     """Yield the comments and the macro before every layer change."""
     program, template = context.program, read_macro(context.profile, "before_layer_gcode")
@@ -156,14 +189,12 @@ def _format_layer_changes(
 
 
 def _format_layer_start_macros(
-    context: WriteContext, rows: MoveText, shared: dict[str, Value]
+    context: WriteContext, rows: RowPlan, shared: dict[str, Value]
 ) -> Iterator[_Insertion]:
     """Yield the pause and the macro of each layer, after the move with which the nozzle reaches the layer's height."""
     program = context.program
     template = read_macro(context.profile, "layer_gcode")
     pauses = _find_pause_layers(context)
-    if template.is_empty and not pauses:
-        return
     pause = read_macro(context.profile, "pause_gcode")
     if pause.is_empty:
         pause = read_template(context.dialect.pause, "pause")
@@ -179,7 +210,7 @@ def _format_layer_start_macros(
         yield place + 1, lines + _render_macro_before_move(template, context, rows, place + 1, layer, shared)
 
 
-def find_macros_that_take_time(context: WriteContext, rows: MoveText) -> Iterator[_Insertion]:
+def find_macros_that_take_time(context: WriteContext, rows: RowPlan) -> Iterator[_Insertion]:
     """Yield the layer and pause macros that take time, because they move, home or dwell."""
     names = "before_layer_gcode", "layer_gcode"
     if (
@@ -218,7 +249,7 @@ def _find_pause_layers(context: WriteContext) -> set[int]:
 
 
 def _render_macro_before_move(  # noqa: PLR0917 - position and inputs
-    template: Template, context: WriteContext, rows: MoveText, move: int, layer: int, shared: dict[str, Value]
+    template: Template, context: WriteContext, rows: RowPlan, move: int, layer: int, shared: dict[str, Value]
 ) -> list[str]:
     """Return the lines of a macro that runs before a move, and lines that restore the printer's state after it."""
     if template.is_empty:
@@ -230,7 +261,7 @@ def _render_macro_before_move(  # noqa: PLR0917 - position and inputs
 
 
 def _format_restoring_commands(
-    lines: list[str], context: WriteContext, rows: MoveText, move: int
+    lines: list[str], context: WriteContext, rows: RowPlan, move: int
 ) -> list[str]:
     """Return commands that restore modes, position and speed if a macro may have changed them.
 
@@ -248,7 +279,7 @@ def _format_restoring_commands(
         x, y, z = context.program.xyz[move - 1]
         travel = round(context.profile.speeds.travel * 60)
         back += [f"G0 X{x:z.{XY_DECIMALS}f} Y{y:z.{XY_DECIMALS}f} F{travel}", f"G0 Z{z:z.{Z_DECIMALS}f}"]
-        back += [f"G1 F{rows.feed[move - 1]}"]
+        back += [f"G1 F{rows.feed_before(move)}"]
     return back
 
 
@@ -268,7 +299,7 @@ def _repeat_last_changes(context: WriteContext, marks: list[ObjectMark]) -> Iter
 
 def _format_events(context: WriteContext) -> Iterator[_Insertion]:
     """Yield the lines that change fans, heaters, accelerations and other states."""
-    for event in context.program.events:
+    for event in sorted(context.program.events, key=lambda one: one.index):
         yield event.index, _format_event(event, context)
 
 
@@ -316,30 +347,36 @@ def _format_progress_updates(context: WriteContext) -> Iterator[_Insertion]:
         return
     total = float(begins[-1])
     step = max(ceil(100 * _PROGRESS_INTERVAL / total), 1)
-    percent = np.floor(100 * begins / total + _ROUNDING_MARGIN).astype(np.int64)
-    percent = np.where(percent < 100, percent // step * step, 100)
-    minutes = np.ceil((total - begins) / 60 - _ROUNDING_MARGIN).astype(np.int64)
-    changed = (np.diff(percent, prepend=0) != 0) | (np.diff(minutes, prepend=minutes[0]) != 0)
-    for move in np.flatnonzero(changed).tolist():
-        line = format_progress(int(percent[move]), int(minutes[move]))
-        if line not in shown:  # some dialects have no remaining minutes
-            yield move, [line]
-        shown = [line]
+    last_percent, last_minutes = 0, ceil((total - float(begins[0])) / 60 - _ROUNDING_MARGIN)
+    for first in range(0, len(begins), _MOVES_AT_ONCE):
+        some = begins[first : first + _MOVES_AT_ONCE]
+        percent = np.floor(100 * some / total + _ROUNDING_MARGIN).astype(np.int64)
+        percent = np.where(percent < 100, percent // step * step, 100)
+        minutes = np.ceil((total - some) / 60 - _ROUNDING_MARGIN).astype(np.int64)
+        changed = (np.diff(percent, prepend=last_percent) != 0) | (
+            np.diff(minutes, prepend=last_minutes) != 0
+        )
+        last_percent, last_minutes = int(percent[-1]), int(minutes[-1])
+        for move in np.flatnonzero(changed).tolist():
+            line = format_progress(int(percent[move]), int(minutes[move]))
+            if line not in shown:  # some dialects have no remaining minutes
+                yield first + move, [line]
+            shown = [line]
 
 
-def _format_retractions(retractions: Int) -> Iterator[_Insertion]:
+def _format_retractions(retractions: NDArray[np.int8]) -> Iterator[_Insertion]:
     """Yield G10 and G11, which replace moves of the extruder alone."""
     for move in np.flatnonzero(retractions).tolist():
         yield move, ["G10" if retractions[move] < 0 else "G11"]
 
 
-def find_firmware_retractions(program: Program, profile: Profile) -> Int:
+def find_firmware_retractions(program: Program, profile: Profile) -> NDArray[np.int8]:
     """Return -1 for each move (K,) that G10 replaces, 1 for each that G11 replaces, and 0 for all others.
 
     The firmware has one retraction length. If lengths differ, or retractions and deretractions do not alternate, all
     entries are 0, and retractions are written as moves with E words.
     """
-    none = np.zeros(program.n_moves, np.int64)
+    none = np.zeros(program.n_moves, np.int8)
     if not profile.printer.firmware_retraction:
         return none
     fed = program.filament
@@ -356,36 +393,65 @@ def find_firmware_retractions(program: Program, profile: Profile) -> Int:
     return none
 
 
-def format_extrusion_comments(program: Program) -> tuple[Int, list[bytes]]:
-    """Format the comments that announce a new role, width or height of extrusions.
+class ExtrusionComments:
+    """The comments that announce a new role, width or height of extrusions, taken in print order.
 
-    Returns:
-        Moves (n,) before which the comments stand, and n comments. Extrusions of variable width change at every
-        point, so equal comments are formatted once.
+    Args:
+        program: the moves.
     """
-    beads = np.flatnonzero(program.role != Role.TRAVEL)
-    role, width, thick = program.role[beads], program.width[beads], _find_comment_heights(program, beads)
-    new_role = np.diff(role, prepend=-1) != 0
-    new_width = np.diff(width, prepend=-1.0) != 0
-    of_layer, first_of_layer = program.layer[beads], _find_first_extrusion_heights(program)
-    begins = np.diff(of_layer, prepend=-1) > 0
-    usual = np.where(begins, first_of_layer[of_layer], np.append(0.0, thick[:-1]))
-    new_height = thick != usual  # layer changes have comments of their own
-    changed = np.flatnonzero(new_role | new_width | new_height)
-    heights, height = _number_distinct_values(thick[changed], new_height[changed])
-    roles, kind = _number_distinct_values(role[changed].astype(np.float64), new_role[changed])
-    widths, wide = _number_distinct_values(width[changed], new_width[changed])
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._first_of_layer = _find_first_extrusion_heights(program)
+        self._last = -1  # the last extrusion so far
+
+    def take(self, moves: slice) -> tuple[Int, list[bytes]]:
+        """Return the moves (n,) before which comments stand, and n comments, in the range after the last one."""
+        program = self._program
+        beads = np.flatnonzero(program.role[moves] != Role.TRAVEL) + moves.start
+        if not len(beads):
+            return beads, []
+        known = self._last >= 0
+        if known:
+            beads = np.append(self._last, beads)
+        self._last = int(beads[-1])
+        role, width, thick = program.role[beads], program.width[beads], _find_comment_heights(program, beads)
+        new_role = np.diff(role, prepend=-1) != 0
+        new_width = np.diff(width, prepend=-1.0) != 0
+        of_layer = program.layer[beads]
+        begins = np.diff(of_layer, prepend=-1) > 0
+        usual = np.where(begins, self._first_of_layer[of_layer], np.append(0.0, thick[:-1]))
+        new_height = thick != usual  # layer changes have comments of their own
+        changed = np.flatnonzero(new_role | new_width | new_height)
+        changed = changed[changed >= known]
+        return beads[changed], _format_comments(
+            (thick[changed], new_height[changed]),
+            (role[changed], new_role[changed]),
+            (width[changed], new_width[changed]),
+        )
+
+
+def _format_comments(
+    heights_and: tuple[Float, Bool], roles_and: tuple[Int, Bool], widths_and: tuple[Float, Bool]
+) -> list[bytes]:
+    """Format comments of extrusions (n,), from height, role and width, and which of them are new.
+
+    Extrusions of variable width change at every point, so equal comments are formatted once.
+    """
+    heights, height = _number_distinct_values(*heights_and)
+    roles, kind = _number_distinct_values(roles_and[0].astype(np.float64), roles_and[1])
+    widths, wide = _number_distinct_values(*widths_and)
     every = (height * (len(roles) + 1) + kind) * (len(widths) + 1) + wide
     keys, alike = unique_inverse(every)
     example = np.zeros(len(keys), np.int64)
-    example[alike] = np.arange(len(changed))
+    example[alike] = np.arange(len(every))
     texts = []
     for h, r, w in zip(*(some[example].tolist() for some in (height, kind, wide)), strict=True):
         lines = [f";HEIGHT:{format_number(heights[h - 1])}\n"] if h else []
         lines += [f";TYPE:{TYPE_NAMES[Role(int(roles[r - 1]))]}\n"] if r else []
         lines += [f";WIDTH:{format_number(widths[w - 1])}\n"] if w else []
         texts.append("".join(lines).encode("ascii"))
-    return beads[changed], [texts[one] for one in alike.tolist()]
+    return [texts[one] for one in alike.tolist()]
 
 
 def _number_distinct_values(values: Float, chosen: Bool) -> tuple[list[float], Int]:
@@ -399,13 +465,15 @@ def _number_distinct_values(values: Float, chosen: Bool) -> tuple[list[float], I
 def _find_first_extrusion_heights(program: Program) -> Float:
     """Return the height of the first extrusion of each layer (L,); above a raft gap it is below the layer height."""
     height = program.plan.height
-    beads = np.flatnonzero(program.role != Role.TRAVEL)
-    first = beads[run_starts(program.layer[beads])]
-    height[program.layer[first]] = _find_comment_heights(program, first)
+    for moves in split_by_layers(program):
+        beads = np.flatnonzero(program.role[moves] != Role.TRAVEL) + moves.start
+        first = beads[run_starts(program.layer[beads])]
+        height[program.layer[first]] = _find_comment_heights(program, first)
     return height
 
 
 def _find_comment_heights(program: Program, beads: Int) -> Float:
     """Return the heights (n,) of extrusions for comments; an extrusion with rising z gets the height of its layer."""
-    climbs = np.abs(program.xyz[beads, 2] - program.start[beads, 2]) > 1e-9
+    begins = np.where(beads > 0, program.xyz[beads - 1, 2], program.origin[2])
+    climbs = np.abs(program.xyz[beads, 2] - begins) > 1e-9
     return np.where(climbs, program.plan.height[program.layer[beads]], program.height[beads])

@@ -18,7 +18,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, run_starts
 from printer_slicer.firmware import Dialect
-from printer_slicer.gcode.move_text import E_DECIMALS, MoveText
+from printer_slicer.gcode.move_text import E_DECIMALS, RowPlan
 from printer_slicer.model import Labels, Program
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -163,7 +163,7 @@ def find_moves_after_labels(marks: list[ObjectMark]) -> Int:
 
 
 def format_stop_labels(
-    marks: list[ObjectMark], marked: Marking, rows: MoveText, *, relative: bool
+    marks: list[ObjectMark], marked: Marking, rows: RowPlan, *, relative: bool
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield the lines that mark the end of each object; with absolute extrusion, also G92 E.
 

@@ -7,16 +7,17 @@ from datetime import datetime
 from itertools import chain, pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.firmware import FLAVOURS, Dialect
 from printer_slicer.gcode.facts import collect_end_facts, collect_print_facts
 from printer_slicer.gcode.inserted_lines import (
+    ExtrusionComments,
+    InsertedLines,
     WriteContext,
-    collect_insertions,
     find_firmware_retractions,
     find_macros_that_take_time,
-    format_extrusion_comments,
     format_fan,
     format_first_progress,
     read_macro,
@@ -28,8 +29,9 @@ from printer_slicer.gcode.labels import (
     find_object_changes,
     format_object_definitions,
 )
-from printer_slicer.gcode.move_text import MoveText, format_moves
-from printer_slicer.gcode.reader import read_moves
+from printer_slicer.gcode.move_text import RowPlan, RowText, format_rows, plan_rows, split_by_layers
+from printer_slicer.gcode.moves import Timer
+from printer_slicer.gcode.reader import MoveReader, read_moves
 from printer_slicer.gcode.summary import format_footer, format_header
 from printer_slicer.macros import Value
 from printer_slicer.model import Labels, Program
@@ -65,35 +67,62 @@ def write_program(
     profile: Profile,
     dialect: Dialect,
     facts: ProgramFacts,
-) -> bytes:
-    """Return a program as the content of a G-code file; the same arguments give the same bytes.
+) -> Iterator[bytes]:
+    """Yield a program as the content of a G-code file, some layers at a time; the same arguments give the same bytes.
+
+    Each piece ends with a line. If times are known, all macros are evaluated before the first piece.
 
     Args:
         program: the moves.
         profile: the profile that the program was sliced with.
         dialect: G-code dialect of the printer.
         facts: facts besides the moves.
+
+    Raises:
+        ProfileError: a macro cannot be evaluated.
     """
-    text, total, taken = _format_file(program, profile, dialect, facts)
-    if not taken:
-        return text
-    # Macros between the moves were timed one by one, from rest to rest. The whole file gives their real time.
-    wanted = _estimate_seconds(text.decode("ascii").split("\n"), profile, dialect)
-    return _format_file(program, profile, dialect, facts, macro_factor=1 + (wanted - total) / taken)[0]
+    file = _prepare_file(program, profile, dialect, facts)
+    macro_seconds = float(file.macro_times[-1])
+    if macro_seconds:
+        # Macros between the moves were timed one by one, from rest to rest. The whole file gives their real time.
+        known = file.with_macros(1.0)
+        wanted = _estimate_file_seconds(_format_file(known), profile, dialect)
+        total = float(known.context.begins[-1])
+        file = file.with_macros(1 + (wanted - total) / macro_seconds)
+    yield from _format_file(file)
 
 
-def _format_file(
-    program: Program, profile: Profile, dialect: Dialect, facts: ProgramFacts, *, macro_factor: float = 1.0
-) -> tuple[bytes, float, float]:
-    """Return the content of the file, its estimated time, s, and the time of macros between moves, s.
+class _File(Struct, frozen=True, eq=False):
+    """A file before its text is formatted.
 
-    `macro_factor` is a factor for the estimated time of macros between moves.
+    Attributes:
+        context: inputs of the parts of the file.
+        facts: facts besides the moves.
+        start: lines of the start G-code.
+        end: lines of the end G-code.
+        formatted: the rows of the moves.
+        macro_times: (K + 1,) estimated time of all macros before each move and at the end, s; (1,) zero without macros.
     """
+
+    context: WriteContext
+    facts: ProgramFacts
+    start: list[str]
+    end: list[str]
+    formatted: _PlannedMoves
+    macro_times: Float
+
+    def with_macros(self, factor: float) -> _File:
+        """Add the times of macros between moves, multiplied by a factor, to the times of the moves."""
+        return replace(
+            self, context=replace(self.context, begins=self.context.begins + factor * self.macro_times)
+        )
+
+
+def _prepare_file(program: Program, profile: Profile, dialect: Dialect, facts: ProgramFacts) -> _File:
+    """Evaluate the macros, and compute the start of each move and the rows of text."""
     seconds, labels = facts.seconds, facts.labels
-    each = np.zeros(program.n_moves) if seconds is None else seconds
-    known = collect_print_facts(
-        program, profile, float(each.sum()), labels.names if labels else (), facts.name
-    )
+    total = 0.0 if seconds is None else float(seconds.sum())
+    known = collect_print_facts(program, profile, total, labels.names if labels else (), facts.name)
     shared: dict[str, Value] = {}
     start = [
         *_format_tool_selection(profile, known, shared),
@@ -102,33 +131,46 @@ def _format_file(
     end = read_macro(profile, "end_gcode").render(
         known | dict(collect_end_facts(program, profile)), dict(shared)
     )
-    begins, taken = np.concatenate([[0.0], np.cumsum(each)]), np.zeros(1)
+    begins = np.zeros(program.n_moves + 1)
     if seconds is not None:
+        np.cumsum(seconds, out=begins[1:])
         begins += _estimate_seconds(start, profile, dialect)
         begins[-1] += _estimate_seconds(end, profile, dialect, _format_approach(program, program.n_moves))
     context = WriteContext(
         program, profile, dialect, known, begins, choose_marking(profile, dialect, labels), shared
     )
-    formatted = _format_moves(context)
-    if seconds is not None:
-        taken = macro_factor * _estimate_macro_times(context, formatted.rows)
-        begins += taken
-    total = None if seconds is None else float(begins[-1])
+    formatted = _plan_moves(context)
+    taken = np.zeros(1) if seconds is None else _estimate_macro_times(context, formatted.rows)
+    return _File(context, facts, start, end, formatted, taken)
+
+
+def _format_file(file: _File) -> Iterator[bytes]:
+    """Yield the text of the file: what stands before the moves, some layers at a time, and what stands after them."""
+    context, facts = file.context, file.facts
+    program, profile, dialect = context.program, context.profile, context.dialect
+    total = None if facts.seconds is None else float(context.begins[-1])
     first, *others = format_header(program, total, facts.facts, facts.made)
     before = [first, *facts.comments, *others]
     before += format_first_progress(context)
     before += ["G21 ; mm", "G90", "M83", format_fan(0.0)]
-    before += [*dialect.limits(profile.printer), *_format_retraction_setup(profile, dialect), *start]
+    before += [*dialect.limits(profile.printer), *_format_retraction_setup(profile, dialect), *file.start]
     if profile.pressure_advance and dialect.pressure_advance:
         before.append(dialect.pressure_advance(profile.pressure_advance))
     before += format_object_definitions(context.marking)
     before += ["G90", "M83" if profile.printer.relative_extrusion else "M82", "G92 E0"]
-    after = [*end, *format_footer(program, profile, total)]
-    return (
-        b"".join([_encode_lines(before), *_format_body(context, formatted), _encode_lines(after)]),
-        total or 0.0,
-        float(taken[-1]),
-    )
+    yield _encode_lines(before)
+    yield from _format_body(context, file.formatted)
+    yield _encode_lines([*file.end, *format_footer(program, profile, total)])
+
+
+def _estimate_file_seconds(pieces: Iterator[bytes], profile: Profile, dialect: Dialect) -> float:
+    """Estimate the time of a file in pieces, s."""
+    reader, timer = MoveReader(profile.printer.corners[0], dialect), Timer(limits_of(profile.printer))
+    for piece in pieces:
+        commands = (line.partition(b";")[0].strip() for line in piece.split(b"\n"))
+        reader.feed([command for command in commands if command])
+        timer.add(reader.take_moves())
+    return timer.seconds()
 
 
 def _format_tool_selection(
@@ -141,13 +183,16 @@ def _format_tool_selection(
     return template.render(known, shared)
 
 
-def _estimate_macro_times(context: WriteContext, rows: MoveText) -> Float:
-    """Estimate the time, s, of all macros before each move and at the end, (K + 1,)."""
-    program, taken = context.program, np.zeros(context.program.n_moves + 1)
-    for move, lines in find_macros_that_take_time(context, rows):
+def _estimate_macro_times(context: WriteContext, rows: RowPlan) -> Float:
+    """Estimate the time, s, of all macros before each move and at the end, (K + 1,); (1,) zero without macros."""
+    program, found = context.program, list(find_macros_that_take_time(context, rows))
+    if not found:
+        return np.zeros(1)
+    taken = np.zeros(program.n_moves + 1)
+    for move, lines in found:
         before = _format_approach(program, move)
         taken[move] += _estimate_seconds(lines, context.profile, context.dialect, before)
-    return np.asarray(np.cumsum(taken))
+    return np.cumsum(taken, out=taken)
 
 
 def _format_approach(program: Program, move: int) -> list[str]:
@@ -185,15 +230,15 @@ def _encode_lines(lines: list[str]) -> bytes:
     return "".join(f"{line}\n" for line in lines).encode("ascii", "replace")
 
 
-class _FormattedMoves(Struct, frozen=True, eq=False):
-    """The moves as text, which of them are firmware retractions (K,), and where objects start and end."""
+class _PlannedMoves(Struct, frozen=True, eq=False):
+    """The rows of the moves, which of them are firmware retractions (K,), and where objects start and end."""
 
-    rows: MoveText
-    retractions: Int
+    rows: RowPlan
+    retractions: NDArray[np.int8]
     marks: list[ObjectMark]
 
 
-def _format_moves(context: WriteContext) -> _FormattedMoves:
+def _plan_moves(context: WriteContext) -> _PlannedMoves:
     program, profile = context.program, context.profile
     retractions = find_firmware_retractions(program, profile)
     fed = (
@@ -202,23 +247,35 @@ def _format_moves(context: WriteContext) -> _FormattedMoves:
         else program
     )
     marks = find_object_changes(program, context.marking[0]) if context.marking else []
-    rows = format_moves(fed, relative=profile.printer.relative_extrusion, full=find_moves_after_labels(marks))
-    return _FormattedMoves(rows, retractions, marks)
+    rows = plan_rows(fed, relative=profile.printer.relative_extrusion, full=find_moves_after_labels(marks))
+    return _PlannedMoves(rows, retractions, marks)
 
 
-def _format_body(context: WriteContext, formatted: _FormattedMoves) -> Iterator[bytes]:
-    """Yield the rows of the moves with the lines between them."""
-    rows = formatted.rows
-    notes = collect_insertions(context, rows, formatted.retractions, formatted.marks)
+def _format_body(context: WriteContext, planned: _PlannedMoves) -> Iterator[bytes]:
+    """Yield the rows of the moves with the lines between them, some layers at a time."""
+    program, feed = context.program, -1
+    lines = InsertedLines(context, planned.rows, planned.retractions, planned.marks)
+    comments = ExtrusionComments(program)
+    for moves in split_by_layers(program):
+        rows = format_rows(planned.rows, moves, feed)
+        feed = rows.feed
+        yield _insert_lines(rows, moves.start, lines.take_before(moves.stop), comments.take(moves))
+    yield _encode_lines(lines.take_before(program.n_moves + 1).get(program.n_moves, []))
+
+
+def _insert_lines(
+    rows: RowText, first: int, notes: Mapping[int, list[str]], comments: tuple[Int, list[bytes]]
+) -> bytes:
+    """Return the rows of the moves from `first` on, with the lines and the comments of extrusions between them."""
     others = sorted(notes)
-    beads, comments = format_extrusion_comments(context.program)
-    texts = [*(_encode_lines(notes[index]) for index in others), *comments]
-    index = np.concatenate([np.array(others, np.int64), beads])
+    beads, more = comments
+    texts = [*(_encode_lines(notes[index]) for index in others), *more]
+    index = np.concatenate([np.array(others, np.int64), beads]) - first
     order = np.argsort(index, kind="stable")  # comments of extrusions come last
-    places = [0, *rows.start[index[order]].tolist()]
+    places = [0, *rows.start[index[order]].tolist(), len(rows.text)]
     between = [rows.text[begin:end] for begin, end in pairwise(places)]
-    yield from chain.from_iterable(zip(between, map(texts.__getitem__, order.tolist()), strict=True))
-    yield rows.text[places[-1] :]
+    inserted = [*map(texts.__getitem__, order.tolist()), b""]
+    return b"".join(chain.from_iterable(zip(between, inserted, strict=True)))
 
 
 def write_gcode(  # noqa: PLR0913 - facts about a program
@@ -250,6 +307,5 @@ def write_gcode(  # noqa: PLR0913 - facts about a program
         ProfileError: a macro cannot be evaluated.
     """
     dialect = dialect or FLAVOURS[profile.printer.flavour]
-    return write_program(
-        program, profile, dialect, ProgramFacts(seconds, facts, comments, labels, made, name)
-    )
+    facts_besides = ProgramFacts(seconds, facts, comments, labels, made, name)
+    return b"".join(write_program(program, profile, dialect, facts_besides))

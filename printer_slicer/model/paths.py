@@ -425,9 +425,14 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     @property
     def on_same_arc(self) -> Bool:
         """Mask (K,) of the moves that are chords of the same arc as the move before."""
-        same = np.zeros(self.n_moves, np.bool_)
-        if self.has_arcs:  # nan never equals nan
-            same[1:] = (self.centre[1:] == self.centre[:-1]).all(axis=1)
+        return self.find_same_arcs(slice(0, self.n_moves))
+
+    def find_same_arcs(self, moves: slice) -> Bool:
+        """Return a mask (n,) of a range of moves: chords of the same arc as the move before in the range."""
+        same = np.zeros(moves.stop - moves.start, np.bool_)
+        if not _is_default(self.centre):  # nan never equals nan
+            centre = self.centre[moves]
+            same[1:] = (centre[1:] == centre[:-1]).all(axis=1)
         return same
 
     @property

@@ -10,10 +10,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from printer_slicer.arrays import Float
-from printer_slicer.gcode.move_text import format_moves
+from printer_slicer.arrays import Float, Int
+from printer_slicer.gcode import move_text
+from printer_slicer.gcode.move_text import RowText, format_rows, plan_rows, split_by_layers
 from printer_slicer.model import LayerPlan, Program
 from printer_slicer.roles import Role
+from printer_slicer.values import replace
 
 PLAN = LayerPlan.from_tops(np.array([0.2]))
 
@@ -39,8 +41,17 @@ def program(
     )
 
 
+def format_slabs(made: Program, *, relative: bool, full: Int | None = None) -> list[RowText]:
+    """The rows of a program, some layers at a time."""
+    rows, feed, texts = plan_rows(made, relative=relative, full=full), -1, []
+    for moves in split_by_layers(made):
+        texts.append(format_rows(rows, moves, feed))
+        feed = texts[-1].feed
+    return texts
+
+
 def text(made: Program, *, relative: bool = True) -> list[str]:
-    return format_moves(made, relative=relative).text.decode("ascii").splitlines()
+    return b"".join(one.text for one in format_slabs(made, relative=relative)).decode("ascii").splitlines()
 
 
 def plainly(made: Program, *, relative: bool) -> list[str]:
@@ -160,7 +171,7 @@ def test_rows_know_where_their_text_begins() -> None:
     made = program(
         np.array([(0, 0, 1), (0, 0, 1), (1, 0, 1), (1.0001, 0, 1), (2, 0, 1)]), [0, 0, 0.1, 0.1, 0.1]
     )
-    rows = format_moves(made, relative=True)
+    (rows,) = format_slabs(made, relative=True)
 
     pieces = [rows.text[a:b] for a, b in zip(rows.start[:-1], rows.start[1:], strict=True)]
     assert pieces == [b"G0 X0 Y0 Z1 F3000\n", b"", b"G1 X1 E0.1\n", b"", b"G1 X2 E0.2\n"]
@@ -171,10 +182,7 @@ def test_a_speed_that_rounds_to_nothing_is_still_a_speed() -> None:
 
 
 def test_a_program_without_moves_is_empty_text() -> None:
-    rows = format_moves(program(np.zeros((0, 3)), []), relative=True)
-
-    assert rows.text == b""
-    assert rows.start.tolist() == [0]
+    assert text(program(np.zeros((0, 3)), [])) == []
 
 
 coordinates = st.floats(-300, 300).map(lambda v: round(v, 4))
@@ -216,3 +224,39 @@ def test_many_rows_are_put_together_in_order() -> None:
 
     for relative in (True, False):
         assert text(made, relative=relative) == plainly(made, relative=relative)
+
+
+@given(
+    points=st.lists(st.tuples(*[st.integers(0, 2).map(float)] * 3), min_size=1, max_size=30),
+    fed=st.lists(st.sampled_from([0.0, 0.0, 0.000004, 0.1, -0.5]), min_size=30, max_size=30),
+    role=st.lists(st.sampled_from([0, 9]), min_size=30, max_size=30),
+    climbs=st.lists(st.booleans(), min_size=30, max_size=30),
+    arcs=st.lists(st.integers(0, 2), min_size=30, max_size=30),
+    full=st.sets(st.integers(0, 30)),
+    relative=st.booleans(),
+)
+def test_rows_do_not_depend_on_how_many_are_formatted_at_once(
+    points: list[tuple[float, float, float]],
+    fed: list[float],
+    role: list[int],
+    climbs: list[bool],
+    arcs: list[int],
+    full: set[int],
+    relative: bool,
+) -> None:
+    count = len(points)
+    flat = program(np.array(points), fed[:count], 50.0, role[:count])
+    centre = np.array([(np.nan, np.nan), (0.5, 0.5), (1.5, 1.5)])[arcs[:count]]
+    layer = np.cumsum(climbs[:count])
+    plan = LayerPlan.from_tops(0.2 * np.arange(1, count + 2))
+    made = replace(flat, plan=plan, layer=layer, centre=centre)
+    labelled = np.array(sorted(full), np.int64)
+
+    whole = format_slabs(made, relative=relative, full=labelled)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(move_text, "_BATCH", 2)
+        some = format_slabs(made, relative=relative, full=labelled)
+
+    assert len(whole) == 1
+    assert len(some) >= len(set(layer.tolist())) / 2
+    assert b"".join(one.text for one in some) == whole[0].text
