@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from printer_slicer.errors import OutputError
@@ -39,15 +43,35 @@ def make_folder(path: Path) -> None:
         ) from None
 
 
-def save(path: Path, data: bytes) -> None:
+def save(path: Path, data: bytes | Iterable[bytes]) -> None:
     """Write a file atomically; a symbolic link is kept, and the file that it points to is written.
+
+    Args:
+        path: the file.
+        data: its content, or pieces of it that are written as they are made.
 
     Raises:
         OutputError: the folder is missing, the disk is full, or permission is denied.
     """
-    try:
+    with _explain_errors(path):
         check_writable(path)
-        _replace_file(path.resolve(), data)
+        target = path.resolve()
+        is_replaceable = target.is_file() or not target.exists()  # a device or a pipe cannot be replaced
+    pieces = [data] if isinstance(data, bytes) else data
+    if is_replaceable:
+        _replace_file(path, target, pieces)
+        return
+    with _explain_errors(path):
+        file = target.open("wb", buffering=0)
+    with file:
+        _write_pieces(path, file, pieces)
+
+
+@contextmanager
+def _explain_errors(path: Path) -> Iterator[None]:
+    """Raise errors of the file system as `OutputError`."""
+    try:
+        yield
     except (OSError, ValueError, RuntimeError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise OutputError(
@@ -56,20 +80,30 @@ def save(path: Path, data: bytes) -> None:
         ) from None
 
 
-def _replace_file(path: Path, data: bytes) -> None:
-    """Write a temporary file in the folder of the target, then replace the target by it."""
-    if path.exists() and not path.is_file():  # a device or a pipe cannot be replaced
-        path.write_bytes(data)
-        return
-    mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_read_umask()
+def _write_pieces(path: Path, file: io.FileIO, pieces: Iterable[bytes]) -> None:
+    """Write pieces as they are made; errors in making them are not errors of the file `path`."""
+    for piece in pieces:
+        left = memoryview(piece)
+        with _explain_errors(path):
+            while left:
+                if (count := file.write(left)) is None:
+                    raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+                left = left[count:]
+
+
+def _replace_file(path: Path, target: Path, pieces: Iterable[bytes]) -> None:
+    """Write a temporary file in the folder of the target, then replace the target by it; `path` is for messages."""
     # Not by `tempfile`, whose import takes as long as slicing some layers.
-    partial = path.parent / f".{os.urandom(8).hex()}.partial"
-    with open(partial, "xb", opener=_open_private) as file:
+    partial = target.parent / f".{os.urandom(8).hex()}.partial"
+    with _explain_errors(path):
+        mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_read_umask()
+        file = open(partial, "xb", buffering=0, opener=_open_private)  # noqa: SIM115 - closed below
+    with file:
         try:
-            file.write(data)
-            file.flush()
-            partial.chmod(mode)
-            partial.replace(path)
+            _write_pieces(path, file, pieces)
+            with _explain_errors(path):
+                partial.chmod(mode)
+                partial.replace(target)
         except BaseException:
             partial.unlink(missing_ok=True)
             raise

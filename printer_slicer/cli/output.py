@@ -8,7 +8,7 @@ import errno
 import io
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Timer
@@ -245,8 +245,12 @@ def reject_overwriting_input(output: Path, model: Path, flag: str = "-o") -> Non
         )
 
 
-def write_file(path: Path, data: bytes) -> None:
+def write_file(path: Path, data: bytes | Iterable[bytes]) -> None:
     """Write a file completely or not at all; `-` is stdout, and symbolic links are kept.
+
+    Args:
+        path: the file.
+        data: its content, or pieces of it. Stdout gets each piece as soon as it is made.
 
     Raises:
         OutputError: the folder is missing, the disk is full, or permission is denied.
@@ -254,8 +258,9 @@ def write_file(path: Path, data: bytes) -> None:
     if str(path) != "-":
         save(path, data)
         return
-    sys.stdout.buffer.write(data)
-    sys.stdout.buffer.flush()
+    for piece in [data] if isinstance(data, bytes) else data:
+        sys.stdout.buffer.write(piece)
+        sys.stdout.buffer.flush()
 
 
 def describe_picture(path: Path | None, shows: str) -> list[str]:

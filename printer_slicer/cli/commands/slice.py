@@ -143,7 +143,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, load_plate
     from printer_slicer.extrusion import move_seconds
-    from printer_slicer.gcode_text import gcode_of
+    from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
     from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify, read_surface
@@ -172,7 +172,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         certificate = certify(read_surface(stage.part), stage.sections.plan)
         write_file(
             output,
-            gcode_of(
+            gcode_in_pieces(
                 program,
                 profile,
                 part=stage.part,
