@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -42,6 +43,7 @@ _NO_NUMBERS: Final = np.zeros(0, np.int64)
 _MAY_BE_DEFAULT: Final = ("support_ratio", "z_offset", "flow_ratio", "centre")
 _POINT_COLUMNS: Final = ("xy", "width", "support_ratio", "z_offset", "flow_ratio", "centre")
 _PATH_COLUMNS: Final = ("layer", "role", "height", "closed", "chain_id", "settings_id", "z_top", "tool")
+_POINTS_AT_ONCE: Final = 1 << 16  # bounds the memory for indices of points
 
 
 @accept_former_fields(
@@ -241,6 +243,34 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         of_path = {name: getattr(self, name).take(path) for name in _PATH_COLUMNS}
         return replace(self, start=start, **columns, **of_path)
 
+    def rebuild(
+        self, find_points: Callable[[slice], tuple[Int, Int]], start: Int, path: Int
+    ) -> tuple[Toolpaths, dict[str, Float]]:
+        """Build paths (m,) as `of_points` does, from indices that are computed for a slab of new paths at a time.
+
+        Args:
+            find_points: called with a slice of the new paths. Returns the indices (n,) of the points of these paths,
+                and of the points from which their `support_ratio` is copied.
+            start: (m + 1,) new path `i` has the points `start[i]:start[i + 1]`.
+            path: (m,) the paths from which the other columns are copied.
+
+        Returns:
+            The paths, and the columns of their points that are not default, by name. The caller may write to them
+            before it uses the paths.
+        """
+        old: dict[str, Float] = {name: getattr(self, name) for name in _POINT_COLUMNS}
+        old = {name: column for name, column in old.items() if not _is_default(column)}
+        new = {name: np.empty((int(start[-1]), *column.shape[1:])) for name, column in old.items()}
+        for paths in _split_by_points(start):
+            points = slice(int(start[paths.start]), int(start[paths.stop]))
+            point, supported = find_points(paths)
+            for name, column in old.items():
+                indices = supported if name == "support_ratio" else point
+                column.take(indices, axis=0, out=new[name][points], mode="clip")
+        of_path = {name: getattr(self, name).take(path) for name in _PATH_COLUMNS}
+        columns: dict[str, Any] = {**dict.fromkeys(_POINT_COLUMNS, _NOT_GIVEN), **new, **of_path}
+        return replace(self, start=start, **columns), new
+
     def begins_at(self, layer: int) -> Bool:
         """Return which paths (M,) are on this layer (from 0), or on a later layer but rest at the same height.
 
@@ -298,6 +328,13 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
 def _is_default(column: Float) -> bool:
     """Return whether a column holds only its default value, as a single value that numpy broadcasts."""
     return len(column) > 0 and column.strides[0] == 0
+
+
+def _split_by_points(start: Int) -> list[slice]:
+    """Split paths into slabs of about `_POINTS_AT_ONCE` points; path `i` has the points `start[i]:start[i + 1]`."""
+    first = np.searchsorted(start, np.arange(0, int(start[-1]), _POINTS_AT_ONCE))
+    cuts = distinct(np.append(first, len(start) - 1)).tolist()
+    return [slice(*ends) for ends in itertools.pairwise(cuts)]
 
 
 def _renumber_chains(parts: Sequence[Int]) -> Int:

@@ -22,7 +22,6 @@ from printer_slicer.ordering.spiral import apply_spiral_settings, make_spiral, s
 from printer_slicer.ordering.units import Units, find_inner_loops, group_units
 from printer_slicer.ordering.walls import cluster_walls
 from printer_slicer.profile import Profile
-from printer_slicer.values import replace
 
 __all__ = ["apply_spiral_settings", "order"]
 
@@ -36,20 +35,20 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     if paths.n_paths == 0:
         return paths
     if profile.quality.spiral:
-        return make_spiral(_order_paths(select_spiral_paths(paths, profile), sections, profile), profile)
-    return add_scarfs(split_lines(_order_paths(paths, sections, profile)), profile)
-
-
-def _order_paths(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
-    """Place seams and start points, and put the paths in printing order."""
-    paths = place_seams(close_loops(paths), profile)
+        paths = select_spiral_paths(paths, profile)
+    # Each step replaces `paths`, so that the memory of the paths before it is released.
+    paths = close_loops(paths)
+    paths = place_seams(paths, profile)
     island = _find_islands(paths, sections.solid)
-    paths, clusters = cluster_walls(
-        start_near_seams(paths, island, profile), find_inner_loops(paths), profile
-    )
+    paths = start_near_seams(paths, island, profile)
+    paths, clusters = cluster_walls(paths, find_inner_loops(paths), profile)
     units = group_units(paths, island, clusters, profile)
-    ordered = _apply_order(paths, units, *route_units(units))
-    return start_near_nozzle(ordered, profile)
+    paths = _apply_order(paths, units, *route_units(units))
+    paths = start_near_nozzle(paths, profile)
+    if profile.quality.spiral:
+        return make_spiral(paths, profile)
+    paths = split_lines(paths)
+    return add_scarfs(paths, profile)
 
 
 def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
@@ -71,13 +70,16 @@ def _apply_order(paths: Toolpaths, units: Units, sequence: Int, is_reversed: Boo
     step = consecutive(np.zeros_like(size), size)
     within = np.where(around, np.repeat(size, size) - 1 - step, step)
     path = units.path[np.repeat(units.start[sequence], size) + within]
-    n_points = np.diff(paths.start)[path]
-    owner, at = np.repeat(np.arange(len(path)), n_points), consecutive(np.zeros_like(n_points), n_points)
-    back = around[owner]
-    first = paths.start[path][owner]
-    point = first + np.where(back, n_points[owner] - 1 - at, at)
-    some = paths.of_points(point, np.append(0, np.cumsum(n_points)), path)
-    # `support_ratio` belongs to the segment after a point; in reversed paths that is the segment before it.
-    return replace(
-        some, support_ratio=paths.support_ratio.take(np.where(back, np.maximum(point - 1, first), point))
-    )
+    size, back, first = np.diff(paths.start)[path], around, paths.start[path]
+    start = np.append(0, np.cumsum(size))
+
+    def find_points(some: slice) -> tuple[Int, Int]:
+        count = size[some]
+        at = consecutive(np.zeros_like(count), count)
+        at *= np.repeat(1 - 2 * back[some], count)
+        point = np.repeat(first[some] + (count - 1) * back[some], count) + at
+        # `support_ratio` belongs to the segment after a point; in reversed paths that is the segment before it.
+        supported = np.maximum(point - np.repeat(back[some], count), np.repeat(first[some], count))
+        return point, supported
+
+    return paths.rebuild(find_points, start, path)[0]

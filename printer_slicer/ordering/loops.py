@@ -111,6 +111,8 @@ def close_loops(paths: Toolpaths) -> Toolpaths:
     start, last = paths.start[:-1], paths.start[1:] - 1
     returns = np.hypot(*(paths.xy[start] - paths.xy[last]).T) < _SAME_POINT
     returns &= ~paths.closed & (paths.chain_id < 0) & (last - start > 2)
+    if not returns.any():
+        return paths
     kept = np.ones(len(paths.xy), np.bool_)
     kept[last[returns]] = False
     start = np.append(0, np.cumsum(np.diff(paths.start) - returns))
@@ -142,17 +144,23 @@ def _rotate_loops(
 
     Where `new` (R,) is true, a new point is added before it: position, width and support ratio in `new_points`.
     """
-    size = np.diff(paths.start)
-    turn = np.zeros(paths.n_paths, np.int64)
-    turn[path] = head - paths.start[path]
-    extra = np.zeros(paths.n_paths, np.int64)
-    extra[path] = new
+    size, extra, turn = np.diff(paths.start), np.zeros(paths.n_paths, np.int64), np.zeros(paths.n_paths, np.int64)
+    extra[path], turn[path] = new, head - paths.start[path]
+    if not (extra.any() or turn.any()):
+        return paths
     start = np.append(0, np.cumsum(size + extra))
-    step = consecutive(-extra, size + extra)  # -1: the new point
-    owner = np.repeat(np.arange(paths.n_paths), size + extra)
-    source = paths.start[owner] + (np.maximum(step, 0) + turn[owner]) % np.maximum(size[owner], 1)
-    some = paths.of_points(source, start, np.arange(paths.n_paths))
-    xy, width, support_ratio = some.xy.copy(), some.width.copy(), some.support_ratio.copy()
+
+    def find_points(some: slice) -> tuple[Int, Int]:
+        count, first = size[some] + extra[some], paths.start[:-1][some]
+        point = consecutive(first + turn[some] - extra[some], count)
+        point[(start[:-1][some] - start[some.start])[extra[some] > 0]] += 1
+        beyond = np.flatnonzero(point >= np.repeat(first + size[some], count))
+        point[beyond] -= np.repeat(size[some], count)[beyond]
+        return point, point
+
+    rotated, columns = paths.rebuild(find_points, start, np.arange(paths.n_paths))
     at = start[path[new]]
-    xy[at], width[at], support_ratio[at] = (column[new] for column in new_points)
-    return replace(some, xy=xy, width=width, support_ratio=support_ratio)
+    for name, column in zip(("xy", "width", "support_ratio"), new_points, strict=True):
+        if name in columns:
+            columns[name][at] = column[new]
+    return rotated

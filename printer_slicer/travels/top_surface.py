@@ -15,7 +15,7 @@ from printer_slicer.values import Struct
 __all__ = ["crosses_top_infill"]
 
 _STEP = 0.5  # of the extrusion width: sampling distance along travels
-_SAMPLES_AT_ONCE = 200_000  # so that memory does not grow with the length of the travels
+_SAMPLES_AT_ONCE = 1 << 14  # so that memory does not grow with the length of the travels
 _OWN = 1.0  # of the extrusion width: within this distance of its ends a travel may lie on the lines that it joins
 
 
