@@ -260,7 +260,7 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         """
         old: dict[str, Float] = {name: getattr(self, name) for name in _POINT_COLUMNS}
         old = {name: column for name, column in old.items() if not _is_default(column)}
-        new = {name: np.empty((int(start[-1]), *column.shape[1:])) for name, column in old.items()}
+        new = {name: np.zeros((int(start[-1]), *column.shape[1:])) for name, column in old.items()}
         for paths in _split_by_points(start):
             points = slice(int(start[paths.start]), int(start[paths.stop]))
             point, supported = find_points(paths)

@@ -144,7 +144,8 @@ def _rotate_loops(
 
     Where `new` (R,) is true, a new point is added before it: position, width and support ratio in `new_points`.
     """
-    size, extra, turn = np.diff(paths.start), np.zeros(paths.n_paths, np.int64), np.zeros(paths.n_paths, np.int64)
+    size = np.diff(paths.start)
+    extra, turn = np.zeros((2, paths.n_paths), np.int64)
     extra[path], turn[path] = new, head - paths.start[path]
     if not (extra.any() or turn.any()):
         return paths
