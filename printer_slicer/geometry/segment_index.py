@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
@@ -82,6 +84,22 @@ class SegmentIndex:
             near = apart <= reach
             found.append((point[near], segment[near], apart[near]))
         return _concatenate_columns(found)
+
+    def find_touching(self, low: Float, high: Float, layer: Int) -> Iterator[tuple[Int, Int]]:
+        """Yield batches of pairs of a box and a segment of its `layer` (P,) whose bounding box touches it.
+
+        Args:
+            low: (P, 2) mm, a corner of each box.
+            high: (P, 2) mm, the opposite corner.
+            layer: (P,) layer of each box.
+        """
+        if self._tree is None:
+            return
+        for first in range(0, len(low), _QUERIES_AT_ONCE):
+            some = slice(first, first + _QUERIES_AT_ONCE)
+            cell = self._cell_offset(layer[some])
+            box, segment = self._tree.query_boxes(low[some] + cell, high[some] + cell)
+            yield box + first, segment
 
     def find_crossings(self, begin: Float, end: Float, layer: Int) -> tuple[Int, Int, Float]:
         """Find where lines from `begin` to `end` (P, 2) cross segments of their `layer` (P,), unordered.
