@@ -13,7 +13,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.extrusion.acceleration import acceleration_events
 from printer_slicer.extrusion.cooling import fan_events, slow_small_layers
-from printer_slicer.extrusion.extrusion_values import compute_bead_values, move_speeds
+from printer_slicer.extrusion.extrusion_values import compute_move_values
 from printer_slicer.extrusion.move_rows import APPROACH, list_moves
 from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
@@ -52,23 +52,22 @@ def _make_moves(
 ) -> tuple[Program, Float]:
     """Return the moves at full speed, and for each (K,) the fraction of its width that rests on the layer below."""
     rows = list_moves(paths, travels, profile)
-    beads = compute_bead_values(paths, rows, profiles)
-    role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
-    support_ratio = rows.to_moves(beads.support_ratio)
-    role[is_perimeter(role) & (support_ratio < _OVERHANG_SUPPORT)] = Role.OVERHANG_PERIMETER
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
+    values = compute_move_values(paths, rows, diameter, profiles)
+    role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
+    role[is_perimeter(role) & (values.support_ratio < _OVERHANG_SUPPORT)] = Role.OVERHANG_PERIMETER
     layer, tool = paths.layer[rows.path], paths.tool[rows.path]
     on_bed = paths.begins_at(0)[rows.path]
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
         xyz=rows.xyz,
-        filament=rows.pulled + rows.to_moves(beads.filament(diameter[paths.tool[rows.bead_path_indices]])),
-        speed=move_speeds(paths, rows, beads, profiles),
+        filament=values.filament,
+        speed=values.speed,
         layer=layer,
         role=role,
-        width=rows.to_moves(beads.width),
-        height=rows.to_moves(beads.height * beads.share),
+        width=values.width,
+        height=values.height,
         events=(
             *_list_tool_changes(tool),
             *acceleration_events(role, on_bed, paths.settings_id[rows.path], profiles),
@@ -80,7 +79,7 @@ def _make_moves(
         centre = np.full((program.n_moves, 2), np.nan)
         centre[rows.is_bead] = paths.centre[rows.begin]
         program = replace(program, centre=centre)
-    return program, support_ratio
+    return program, values.support_ratio
 
 
 def _list_tool_changes(tool: Int) -> list[ToolChange]:

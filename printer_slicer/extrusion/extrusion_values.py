@@ -12,13 +12,15 @@ from printer_slicer.profile import Profile, Speeds
 from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with
 from printer_slicer.values import Struct
 
-__all__ = ["SUPPORT_RATIOS", "BeadValues", "compute_bead_values", "move_speeds"]
+__all__ = ["SUPPORT_RATIOS", "MoveValues", "compute_move_values"]
+
+_BEADS_AT_ONCE = 1 << 16  # bounds the memory for intermediate values
 
 SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Support ratios for which there are settings of overhangs."""
 
 
-class BeadValues(Struct, frozen=True, eq=False):
+class _BeadValues(Struct, frozen=True, eq=False):
     """Values of extruding moves, in their order.
 
     Attributes:
@@ -48,9 +50,52 @@ class BeadValues(Struct, frozen=True, eq=False):
         return self.length * per_mm * (self.share * self.flow)
 
 
-def compute_bead_values(paths: Toolpaths, rows: MoveRows, profiles: tuple[Profile, ...]) -> BeadValues:
-    """Compute the values of extruding moves, with the flow set in the profile of each path."""
-    start, end, path = rows.begin, rows.end, rows.bead_path_indices
+class MoveValues(Struct, frozen=True, eq=False):
+    """Values of all moves.
+
+    Attributes:
+        speed: (K,) mm/s.
+        filament: (K,) mm; negative for retractions.
+        width: (K,) mm, mean along an extrusion; 0 for other moves.
+        height: (K,) mm, mean along an extrusion; 0 for other moves.
+        support_ratio: (K,) fraction of the width of an extrusion that rests on the layer below; 0 for other moves.
+    """
+
+    speed: Float
+    filament: Float
+    width: Float
+    height: Float
+    support_ratio: Float
+
+
+def compute_move_values(
+    paths: Toolpaths, rows: MoveRows, diameter: Float, profiles: tuple[Profile, ...]
+) -> MoveValues:
+    """Compute the values of all moves from the profiles of their paths, a slab of extrusions at a time.
+
+    `diameter` holds the filament diameter of each tool, mm.
+    """
+    speed, filament = _speeds_without_extrusion(paths, rows, profiles[0]), rows.pulled.copy()
+    width, height, support_ratio = (np.zeros(len(speed)) for _ in range(3))
+    supported = [_supported_speeds(paths, profile) for profile in profiles]
+    moves = np.flatnonzero(rows.is_bead)
+    for first in range(0, len(moves), _BEADS_AT_ONCE):
+        some = slice(first, first + _BEADS_AT_ONCE)
+        move = moves[some]
+        path = rows.path[move]
+        beads = _compute_bead_values(paths, (rows.begin[some], rows.end[some], path), profiles)
+        filament[move] = beads.filament(diameter[paths.tool[path]])
+        speed[move] = _bead_speeds(paths, path, beads, supported, profiles)
+        width[move], height[move] = beads.width, beads.height * beads.share
+        support_ratio[move] = beads.support_ratio
+    return MoveValues(speed, filament, width, height, support_ratio)
+
+
+def _compute_bead_values(
+    paths: Toolpaths, moves: tuple[Int, Int, Int], profiles: tuple[Profile, ...]
+) -> _BeadValues:
+    """Compute the values of extrusions from their first and last points (B,) and their paths (B,)."""
+    start, end, path = moves
     delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
     climbed = paths.z_offset[end] - paths.z_offset[start]
     flow, first = (
@@ -60,7 +105,7 @@ def compute_bead_values(paths: Toolpaths, rows: MoveRows, profiles: tuple[Profil
             [rule.quality.first_layer_flow for rule in profiles],
         )
     )
-    return BeadValues(
+    return _BeadValues(
         np.sqrt((delta * delta).sum(axis=1) + climbed * climbed),
         (paths.width[start] + paths.width[end]) / 2,
         paths.height[path],
@@ -70,9 +115,9 @@ def compute_bead_values(paths: Toolpaths, rows: MoveRows, profiles: tuple[Profil
     )
 
 
-def move_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, profiles: tuple[Profile, ...]) -> Float:
-    """Return the speed (K,) of each move, mm/s, from the profiles of their paths."""
-    printer, speeds = profiles[0].printer, profiles[0].speeds
+def _speeds_without_extrusion(paths: Toolpaths, rows: MoveRows, profile: Profile) -> Float:
+    """Return the speed (K,) of each move that does not extrude, mm/s; 0 for extrusions."""
+    printer, speeds = profile.printer, profile.speeds
     z_speed = min(speeds.travel, printer.max_speed_z)
     wipe = min(speeds.travel, printer.max_speed_x)
     lead = np.zeros(MoveKind.BEAD + 1)
@@ -85,24 +130,37 @@ def move_speeds(paths: Toolpaths, rows: MoveRows, beads: BeadValues, profiles: t
     )
     if printer.z_hop_ramp:
         lead[MoveKind.LIFT] = speeds.travel
-    speed, path = lead[rows.kind], rows.bead_path_indices
+    speed = lead[rows.kind]
     if speeds.first_layer_travel < speeds.travel:
         careful = (
             (rows.kind <= MoveKind.TRAVEL) & (rows.kind >= MoveKind.WIPE) & paths.begins_at(0)[rows.path]
         )
         speed[careful] = np.minimum(speed[careful], speeds.first_layer_travel)
-    printing = _extrusion_speeds(paths, path, beads, profiles[0])
-    for number, rule in enumerate(profiles[1:], 1):
-        own = _extrusion_speeds(paths, path, beads, rule)
-        printing = np.where(paths.settings_id[path] == number, own, printing)
-    speed[rows.is_bead] = printing
     return speed
 
 
-def _extrusion_speeds(paths: Toolpaths, path: Int, beads: BeadValues, profile: Profile) -> Float:
-    """Return the speed of the extrusions of paths (B,) with the settings of one profile, mm/s."""
+def _bead_speeds(
+    paths: Toolpaths, path: Int, beads: _BeadValues, supported: list[Float], profiles: tuple[Profile, ...]
+) -> Float:
+    """Return the speed (B,) of extrusions, mm/s, from the profiles of their paths (B,).
+
+    `supported` has for each profile the speeds (M,) of all paths where they are supported.
+    """
+    printing = _bead_speeds_of_profile(paths, path, beads, supported[0][path], profiles[0])
+    for number, rule in enumerate(profiles[1:], 1):
+        own = _bead_speeds_of_profile(paths, path, beads, supported[number][path], rule)
+        printing = np.where(paths.settings_id[path] == number, own, printing)
+    return printing
+
+
+def _bead_speeds_of_profile(
+    paths: Toolpaths, path: Int, beads: _BeadValues, speed: Float, profile: Profile
+) -> Float:
+    """Return the speed (B,) of extrusions with the settings of one profile, mm/s.
+
+    `speed` (B,) is their speed where they are supported.
+    """
     speeds = profile.speeds
-    speed = _supported_speeds(paths, profile)[path]
     is_overhang = is_perimeter(paths.role[path]) & (beads.support_ratio < 1)
     slower = speed * np.interp(beads.support_ratio, SUPPORT_RATIOS, _overhang_speed_ratios(speeds))
     slower = np.minimum(slower, _overhang_speed_limits(beads.support_ratio, speed, profile))

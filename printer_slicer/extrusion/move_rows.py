@@ -48,17 +48,6 @@ class MoveRows(Struct, frozen=True, eq=False):
         """Mask (K,) of the moves that extrude."""
         return np.asarray(self.kind == MoveKind.BEAD)
 
-    @property
-    def bead_path_indices(self) -> Int:
-        """Index (B,) of the path to which each extrusion belongs."""
-        return self.path[self.is_bead]
-
-    def to_moves(self, values: Float) -> Float:
-        """Assign values (B,) of extrusions to their moves (K,); 0 for other moves."""
-        result = np.zeros(len(self.path))
-        result[self.is_bead] = values
-        return result
-
 
 def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
     """List the moves that print paths in order."""
