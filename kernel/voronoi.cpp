@@ -7,7 +7,7 @@
 
 #include "boost/polygon/voronoi_builder.hpp"
 #include "boost/polygon/voronoi_diagram.hpp"
-#include "exact.hpp"
+#include "exact_circle.hpp"
 #include "functions.hpp"
 
 namespace {
