@@ -18,6 +18,7 @@ PyObject* inner_edges(PyObject*, PyObject* arguments);            // inner_edges
 PyObject* miter_areas(PyObject*, PyObject* arguments);            // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);         // nearest_marked.cpp
 PyObject* number_cuts(PyObject*, PyObject* arguments);            // plane_sections.cpp
+PyObject* points_to_keep(PyObject*, PyObject* arguments);         // points_to_keep.cpp
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);    // polyline_tree.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);          // element_runs.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);       // voronoi.cpp

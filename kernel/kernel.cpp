@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 3;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 4;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -23,6 +23,7 @@ PyMethodDef methods[] = {
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"number_cuts", number_cuts, METH_VARARGS, "Number the cuts of facets; see kernel.py."},
+    {"points_to_keep", points_to_keep, METH_VARARGS, "Find the points that paths need; see kernel.py."},
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},

@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 3  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 4  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -234,6 +234,21 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: as for `cut_edges`.
+        """
+
+    def points_to_keep(
+        self, points: memoryview, sizes: memoryview, closed: memoryview, tolerance: float, /
+    ) -> bytes:
+        """Return a mask (N,) of the points that paths need; see `printer_slicer.perimeters.simplification`.
+
+        Args:
+            points: (N, 3) float64, x, y and width.
+            sizes: (M,) int64, number of points of each path; at least one.
+            closed: (M,) int64, not 0 for paths that return to their first point.
+            tolerance: of position and width.
+
+        Raises:
+            ValueError: the sizes do not match the points.
         """
 
     def query_polyline_tree(

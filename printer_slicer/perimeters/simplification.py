@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, next_in_ring, previous_in_ring
 from printer_slicer.geometry.vectors import dot, norm
+from printer_slicer.kernel import load_kernel
 
 __all__ = ["points_to_keep"]
 
@@ -23,6 +24,12 @@ def points_to_keep(xy: Float, width: Float, size: Int, closed: Bool, tolerance: 
         closed: (M,) whether it returns to its first point; both ends of open paths are kept.
         tolerance: mm, of position and width.
     """
+    kernel, points = load_kernel(), np.column_stack([xy, width])
+    if kernel:
+        sizes, is_closed = np.asarray(size, np.int64), closed.astype(np.int64)
+        return np.frombuffer(
+            kernel.points_to_keep(points.data, sizes.data, is_closed.data, tolerance), np.bool_
+        )
     n = len(xy)
     start = np.append(0, np.cumsum(size))
     before, after = previous_in_ring(start), next_in_ring(start)
@@ -31,7 +38,6 @@ def points_to_keep(xy: Float, width: Float, size: Int, closed: Bool, tolerance: 
     left = np.array(size)
     path = np.repeat(np.arange(len(size)), size)
     kept, moved = np.ones(n, np.bool_), np.zeros(n)  # `moved` is of the segment that begins at each point
-    points = np.column_stack([xy, width])
     candidates = np.flatnonzero(~fixed & (left[path] > 2))
     while len(candidates):
         prior, next_one = before[candidates], after[candidates]

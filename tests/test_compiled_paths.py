@@ -1,0 +1,58 @@
+"""Functions of the kernel for paths and the medial axis: the same results as without it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from printer_slicer.kernel import VARIABLE, load_kernel
+from printer_slicer.perimeters.simplification import points_to_keep
+from tests.kernels import needs_kernel
+
+steps = st.tuples(st.integers(0, 4), st.integers(-1, 1), st.sampled_from([0.4, 0.401, 0.45]))
+paths = st.lists(st.tuples(st.lists(steps, min_size=1, max_size=12), st.booleans()), max_size=4)
+
+
+@needs_kernel
+@given(paths, st.sampled_from([0.002, 0.01]))
+def test_points_to_keep_are_the_same(
+    given_paths: list[tuple[list[tuple[int, int, float]], bool]], tolerance: float
+) -> None:
+    """Also of points that deviate equally, and of points that coincide."""
+    rows = np.array([step for path, _ in given_paths for step in path]).reshape(-1, 3)
+    size = np.array([len(path) for path, _ in given_paths], np.int64)
+    closed = np.array([is_closed for _, is_closed in given_paths], np.bool_)
+    xy = np.column_stack([np.cumsum(rows[:, 0]), rows[:, 1] * 0.003])
+    kept = []
+    for kernel in ("off", "required"):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv(VARIABLE, kernel)
+            kept.append(points_to_keep(xy, rows[:, 2], size, closed, tolerance).tolist())
+
+    assert kept[0] == kept[1]
+
+
+@needs_kernel
+def test_points_of_a_fine_circle_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    angle = np.sort(np.random.default_rng(1).uniform(0, 2 * np.pi, 700))
+    xy, width = 5 * np.column_stack([np.cos(angle), np.sin(angle)]), 0.4 + 0.05 * np.sin(3 * angle)
+    size, closed = np.array([400, 300]), np.array([False, True])
+    monkeypatch.setenv(VARIABLE, "required")
+    kept = points_to_keep(xy, width, size, closed, 0.004)
+    monkeypatch.setenv(VARIABLE, "off")
+
+    assert 20 < kept.sum() < 500
+    np.testing.assert_array_equal(points_to_keep(xy, width, size, closed, 0.004), kept)
+
+
+@needs_kernel
+@pytest.mark.parametrize("sizes", [[2], [2, 2], [3, 0], [4, -1]])
+def test_wrong_sizes_of_paths_are_an_error(sizes: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    with pytest.raises(ValueError, match="do not match"):
+        kernel.points_to_keep(np.zeros(9).data, np.array(sizes).data, np.ones(len(sizes), np.int64).data, 0.1)
