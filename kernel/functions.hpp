@@ -10,6 +10,7 @@ PyObject* build_polyline_tree(PyObject*, PyObject* ends);         // polyline_tr
 PyObject* clip_outlines(PyObject*, PyObject* arguments);          // outlines.cpp
 PyObject* combine_areas(PyObject*, PyObject* arguments);          // clipping.cpp
 PyObject* cut_edges(PyObject*, PyObject* arguments);              // plane_sections.cpp
+PyObject* divide_pieces(PyObject*, PyObject* arguments);          // divide_pieces.cpp
 PyObject* facing_boxes(PyObject*, PyObject* arguments);           // facing.cpp
 PyObject* find_cycles(PyObject*, PyObject* following);            // plane_sections.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);            // spikes.cpp

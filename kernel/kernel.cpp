@@ -15,6 +15,7 @@ PyMethodDef methods[] = {
     {"clip_outlines", clip_outlines, METH_VARARGS, "Clip outlines to areas of layers; see kernel.py."},
     {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
     {"cut_edges", cut_edges, METH_VARARGS, "Cut edges by planes; see kernel.py."},
+    {"divide_pieces", divide_pieces, METH_VARARGS, "Divide the pieces of a medial axis; see kernel.py."},
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
     {"find_cycles", find_cycles, METH_O, "Find the cycles of a permutation; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},

@@ -116,6 +116,21 @@ class Kernel(Protocol):
             ValueError: the arrays do not match, or an index is outside of its array.
         """
 
+    def divide_pieces(self, n_points: int, /, *arrays: Buffer) -> tuple[bytes, bytes, bytes, bytes]:
+        """Divide the pieces of a medial axis; see `printer_slicer.perimeters.graph`.
+
+        Args:
+            n_points: number of points before; the cuts become the next ones.
+            arrays: `start`, `foot` and `following` of `AxisGraph`; (n,) int64, ascending, the piece of each cut; and (n,)
+                float64, the position of each cut on its piece, 0 to 1, ascending on each piece.
+
+        Returns:
+            `start`, `foot` and `following` of the parts, and the piece of each part.
+
+        Raises:
+            ValueError: the arrays do not match, or the cuts are not in the order of pieces.
+        """
+
     def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:
         """Find the parts of outlines that face each other; see `printer_slicer.perimeters.facing_sides`.
 

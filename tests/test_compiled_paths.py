@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from printer_slicer.geometry import Areas
+from printer_slicer.geometry.medial_axis import medial_axis
 from printer_slicer.kernel import VARIABLE, load_kernel
+from printer_slicer.perimeters.graph import AxisGraph
 from printer_slicer.perimeters.simplification import points_to_keep
 from tests.kernels import needs_kernel
+from tests.strategies import rectilinear_areas
 
 steps = st.tuples(st.integers(0, 4), st.integers(-1, 1), st.sampled_from([0.4, 0.401, 0.45]))
 paths = st.lists(st.tuples(st.lists(steps, min_size=1, max_size=12), st.booleans()), max_size=4)
@@ -56,3 +60,51 @@ def test_wrong_sizes_of_paths_are_an_error(sizes: list[int], monkeypatch: pytest
 
     with pytest.raises(ValueError, match="do not match"):
         kernel.points_to_keep(np.zeros(9).data, np.array(sizes).data, np.ones(len(sizes), np.int64).data, 0.1)
+
+
+@needs_kernel
+@given(rectilinear_areas(2), st.integers(0, 2**32 - 1), st.integers(0, 40))
+def test_divided_pieces_are_the_same(areas: Areas, seed: int, n_cuts: int) -> None:
+    graph, rng = AxisGraph.of(medial_axis(areas, 4.0)), np.random.default_rng(seed)
+    n_pieces = len(graph.steepness)
+    piece = rng.integers(0, max(n_pieces, 1), n_cuts if n_pieces else 0)
+    share = rng.choice([0.25, 0.5, *rng.random(8)], len(piece))
+    divided = []
+    for kernel in ("off", "required"):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv(VARIABLE, kernel)
+            divided.append(graph.divide_pieces(piece, share))
+
+    for name in AxisGraph.__annotations__:
+        one, other = (getattr(parts, name) for parts in divided)
+        assert (name, one.dtype, one.shape, one.tobytes()) == (
+            name,
+            other.dtype,
+            other.shape,
+            other.tobytes(),
+        )
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("following", "piece", "message"),
+    [
+        ([1, 0], [0], "do not match"),
+        ([1, 0, 2, 4], [0], "does not exist"),
+        ([1, 0, 2, 3], [2], "order of pieces"),
+        ([1, 0, 2, 3], [-1], "order of pieces"),
+        ([1, 0, 2, 3], [0, 1], "do not match"),
+    ],
+)
+def test_pieces_that_do_not_match_are_an_error(
+    following: list[int], piece: list[int], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+    start, cut = np.arange(4), np.array([0.5])
+
+    with pytest.raises(ValueError, match=message):
+        kernel.divide_pieces(
+            4, start.data, np.zeros(16).data, np.array(following).data, np.array(piece).data, cut.data
+        )

@@ -7,6 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, compact_ids, consecutive
 from printer_slicer.geometry.medial_axis import MedialAxis, follow_parts
 from printer_slicer.geometry.vectors import norm
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
 
 __all__ = ["AxisGraph", "find_crossings", "thin_and_thick_ends"]
@@ -104,31 +105,48 @@ class AxisGraph(Struct, frozen=True, eq=False):
         """Divide pieces at positions (0 to 1) along them, given in any order."""
         order = np.lexsort((share, piece))
         piece, share = piece[order], share[order]
-        n_new = np.bincount(piece, minlength=len(self.steepness))
-        count = n_new + 1
-        ends, new = self.ends, len(self.xy) + np.cumsum(n_new) - n_new
-        owner, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
-        is_first, is_last = step == 0, step == n_new[owner]
-        points = np.stack(
-            [
-                np.where(is_first, ends[owner, 0], new[owner] + step - 1),
-                np.where(is_last, ends[owner, 1], new[owner] + step),
-            ],
-            axis=1,
-        )
-        low, high = np.zeros(len(owner)), np.ones(len(owner))
-        low[~is_first], high[~is_last] = share, share
+        start, foot, following, owner = _divide(self, piece, share)
+        ends = self.ends
         along = _interpolate(self.xy.take(ends[piece], axis=0), share[:, None])
         return AxisGraph(
             np.concatenate([self.xy, along]),
             np.concatenate([self.radius, _interpolate(self.radius[ends[piece]], share)]),
             np.concatenate([self.layer, self.layer[ends[piece, 0]]]),
-            points.ravel(),
-            _interpolate_feet(self.foot, owner, low, high),
-            follow_parts(self.following, count),
+            start,
+            foot,
+            following,
             self.steepness[owner],
             self.origin[owner],
         )
+
+
+def _divide(graph: AxisGraph, piece: Int, share: Float) -> tuple[Int, Float, Int, Int]:
+    """Divide pieces at ascending positions (n,); return `start`, `foot` and `following` of the parts, and their pieces.
+
+    Each position becomes a new point.
+    """
+    kernel = load_kernel()
+    if kernel:
+        arrays = graph.start, graph.foot, graph.following, piece, share
+        found = kernel.divide_pieces(len(graph.xy), *(array.data for array in arrays))
+        start, following, owner = (np.frombuffer(found[i], np.int64) for i in (0, 2, 3))
+        return start, np.frombuffer(found[1]).reshape(-1, 2, 2), following, owner
+    n_new = np.bincount(piece, minlength=len(graph.steepness))
+    count = n_new + 1
+    ends, new = graph.ends, len(graph.xy) + np.cumsum(n_new) - n_new
+    owner, step = np.repeat(np.arange(len(count)), count), consecutive(np.zeros_like(count), count)
+    is_first, is_last = step == 0, step == n_new[owner]
+    points = np.stack(
+        [
+            np.where(is_first, ends[owner, 0], new[owner] + step - 1),
+            np.where(is_last, ends[owner, 1], new[owner] + step),
+        ],
+        axis=1,
+    )
+    low, high = np.zeros(len(owner)), np.ones(len(owner))
+    low[~is_first], high[~is_last] = share, share
+    foot = _interpolate_feet(graph.foot, owner, low, high)
+    return points.ravel(), foot, follow_parts(graph.following, count), owner
 
 
 def _interpolate(ends: Float, share: Float) -> Float:
