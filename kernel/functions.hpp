@@ -18,7 +18,9 @@ PyObject* format_move_rows(PyObject*, PyObject* arguments);       // move_rows.c
 PyObject* inner_edges(PyObject*, PyObject* arguments);            // inner_edges.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);            // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);         // nearest_marked.cpp
+PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);     // boxes.cpp
 PyObject* number_cuts(PyObject*, PyObject* arguments);            // plane_sections.cpp
+PyObject* overlapping_boxes(PyObject*, PyObject* arguments);      // boxes.cpp
 PyObject* points_to_keep(PyObject*, PyObject* arguments);         // points_to_keep.cpp
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);    // polyline_tree.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);          // element_runs.cpp

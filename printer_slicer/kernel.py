@@ -121,7 +121,7 @@ class Kernel(Protocol):
 
         Args:
             n_points: number of points before; the cuts become the next ones.
-            arrays: `start`, `foot` and `following` of `AxisGraph`; (n,) int64, ascending, the piece of each cut; and (n,)
+            arrays: `start`, `foot` and `following` of `AxisGraph`; (n,) int64, ascending, the piece of each cut; (n,)
                 float64, the position of each cut on its piece, 0 to 1, ascending on each piece.
 
         Returns:
@@ -236,6 +236,21 @@ class Kernel(Protocol):
             ValueError: the arrays do not match, or a length is negative.
         """
 
+    def neighbouring_boxes(self, low: Buffer, high: Buffer, layer: Buffer, /) -> tuple[bytes, bytes]:
+        """Find pairs of boxes that overlap; see `printer_slicer.geometry.boxes`.
+
+        Args:
+            low: (B, 2) float64, lowest corner of each box.
+            high: (B, 2) float64, highest corner.
+            layer: (B,) int64.
+
+        Returns:
+            Both boxes (n,) of each pair as int64.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
     def number_cuts(self, level: memoryview, edges: memoryview, slot: memoryview, /) -> bytes:
         """Return the node where each plane cuts an edge of each facet; see `printer_slicer.geometry.plane_sections`.
 
@@ -249,6 +264,19 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: as for `cut_edges`.
+        """
+
+    def overlapping_boxes(self, *boxes: Buffer) -> tuple[bytes, bytes]:
+        """Find pairs of boxes of two sets that overlap; see `printer_slicer.geometry.boxes`.
+
+        Args:
+            boxes: the three arrays of one set and of the other one, as for `neighbouring_boxes`.
+
+        Returns:
+            Both boxes (n,) of each pair as int64.
+
+        Raises:
+            ValueError: the arrays do not match.
         """
 
     def points_to_keep(

@@ -1,4 +1,4 @@
-"""Functions of the kernel for paths and the medial axis: the same results as without it."""
+"""Functions of the kernel for boxes, paths and the medial axis: the same results as without it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.geometry import Areas
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.medial_axis import medial_axis
 from printer_slicer.kernel import VARIABLE, load_kernel
 from printer_slicer.perimeters.graph import AxisGraph
@@ -17,6 +18,46 @@ from tests.strategies import rectilinear_areas
 
 steps = st.tuples(st.integers(0, 4), st.integers(-1, 1), st.sampled_from([0.4, 0.401, 0.45]))
 paths = st.lists(st.tuples(st.lists(steps, min_size=1, max_size=12), st.booleans()), max_size=4)
+
+
+edge = st.tuples(st.sampled_from([0.0, 0.5, 1.0, 1.25, 7.0]), st.sampled_from([0.0, 0.25, 0.5]))
+boxes = st.lists(st.tuples(edge, edge, st.integers(0, 2), st.booleans()), max_size=25)
+
+
+def make_boxes(rows: list[tuple[tuple[float, float], tuple[float, float], int, bool]]) -> Boxes:
+    """Boxes; some have no points, so their corners are infinite."""
+    low = np.array([(np.inf, np.inf) if empty else (x[0], y[0]) for x, y, _, empty in rows]).reshape(-1, 2)
+    high = np.array([(-np.inf,) * 2 if empty else (sum(x), sum(y)) for x, y, _, empty in rows])
+    return Boxes(low, high.reshape(-1, 2), np.array([layer for _, _, layer, _ in rows], np.int64))
+
+
+@needs_kernel
+@given(boxes, boxes)
+def test_overlapping_boxes_are_the_same_in_the_same_order(one: list, other: list) -> None:
+    found = []
+    for kernel in ("off", "required"):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv(VARIABLE, kernel)
+            pairs = [*make_boxes(one).find_overlapping(make_boxes(other)), *make_boxes(one).find_neighbours()]
+            found.append([index.tolist() for index in pairs])
+
+    assert found[0] == found[1]
+
+
+@needs_kernel
+@pytest.mark.parametrize(("corners", "layers"), [(3, 2), (2, 3)])
+def test_boxes_that_do_not_match_are_an_error(
+    corners: int, layers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+    arrays = np.zeros((corners, 2)), np.zeros((2, 2)), np.zeros(layers, np.int64)
+
+    with pytest.raises(ValueError, match="do not match"):
+        kernel.neighbouring_boxes(*arrays)
+    with pytest.raises(ValueError, match="do not match"):
+        kernel.overlapping_boxes(*arrays, *arrays)
 
 
 @needs_kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive
 from printer_slicer.geometry.areas import Areas
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
 
 __all__ = ["Boxes"]
@@ -47,6 +48,9 @@ class Boxes(Struct, frozen=True, eq=False):
 
     def find_overlapping(self, other: Boxes) -> tuple[Int, Int]:
         """Return index pairs (own, other), unordered, of boxes of both sets that overlap or touch on the same layer."""
+        kernel = load_kernel()
+        if kernel:
+            return _read_pairs(kernel.overlapping_boxes(*self._arrays(), *other._arrays()))
         own_spans, other_spans = _project_on_first_axis(self, other)
         # If two intervals on an axis overlap, one of them starts within the other.
         found = [
@@ -61,6 +65,9 @@ class Boxes(Struct, frozen=True, eq=False):
 
     def find_neighbours(self) -> tuple[Int, Int]:
         """Return index pairs, unordered, of different boxes that overlap or touch on the same layer, each pair once."""
+        kernel = load_kernel()
+        if kernel:
+            return _read_pairs(kernel.neighbouring_boxes(*self._arrays()))
         (spans,) = _project_on_first_axis(self)
         low, found = spans[0], []
         for a, b in _find_starts_within(spans, spans):
@@ -73,6 +80,11 @@ class Boxes(Struct, frozen=True, eq=False):
         result = np.zeros(len(self.layer), np.bool_)
         result[self.find_overlapping(other)[0]] = True
         return result
+
+    def _arrays(self) -> tuple[Float, Float, Int]:
+        """Return the arrays as the kernel takes them."""
+        low, high = (np.ascontiguousarray(corner, np.float64) for corner in (self.low, self.high))
+        return low, high, np.ascontiguousarray(self.layer, np.int64)
 
     def _keep_overlapping_in_y(self, other: Boxes, own: Int, others: Int) -> tuple[Int, Int]:
         """Keep the pairs that also overlap along the second axis."""
@@ -110,6 +122,11 @@ def _find_starts_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> 
         some = np.arange(start, stop)
         yield np.repeat(some, count[some]), order[consecutive(first[some], count[some])]
         start = stop
+
+
+def _read_pairs(found: tuple[bytes, bytes]) -> tuple[Int, Int]:
+    """Read the pairs that the kernel found."""
+    return np.frombuffer(found[0], np.int64), np.frombuffer(found[1], np.int64)
 
 
 def _concatenate_pairs(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
