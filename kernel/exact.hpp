@@ -139,14 +139,21 @@ class Integer {
   void add_magnitudes(const Integer& a, const Integer& b) {
     if (a.size() < b.size()) return add_magnitudes(b, a);
     const std::size_t n = limbs_of(a.size()), m = limbs_of(b.size());
-    std::uint64_t carry = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      const std::uint64_t other = i < m ? b.limbs_[i] : 0, partial = a.limbs_[i] + carry;
-      limbs_[i] = partial + other;
-      carry = (partial < carry) | (limbs_[i] < other);
+    std::uint64_t carry = 0, limb = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+      const std::uint64_t partial = a.limbs_[i] + carry;
+      limb = partial + b.limbs_[i];
+      carry = (partial < carry) | (limb < partial);
+      limbs_[i] = limb;
+    }
+    for (std::size_t i = m; i < n; ++i) {
+      limb = a.limbs_[i] + carry;
+      carry = limb < carry;
+      limbs_[i] = limb;
     }
     if (n < LIMBS) limbs_[n] = carry;
-    set_size(a.size());
+    const std::uint64_t above = a.size() % 2 ? limb >> 32 : carry;
+    count_ = static_cast<int>(a.size() < CHUNKS && above ? a.size() + 1 : a.size());
   }
 
   // The result is negative if b is greater than a.
@@ -169,15 +176,22 @@ class Integer {
 
   // Subtracts the lowest n chunks of b, the smaller number, from those of a.
   void subtract_limbs(const Integer& a, const Integer& b, std::size_t n) {
-    const std::size_t m = limbs_of(b.size());
-    std::uint64_t borrow = 0;
-    for (std::size_t i = 0; i < limbs_of(n); ++i) {
-      const std::uint64_t other = i < m ? b.limbs_[i] : 0, partial = a.limbs_[i] - borrow;
-      borrow = (a.limbs_[i] < borrow) | (partial < other);
-      limbs_[i] = partial - other;
+    const std::size_t limbs = limbs_of(n), m = (std::min)(limbs, limbs_of(b.size()));
+    std::uint64_t borrow = 0, limb = 0;
+    for (std::size_t i = 0; i < m; ++i) {
+      const std::uint64_t partial = a.limbs_[i] - borrow;
+      limb = partial - b.limbs_[i];
+      borrow = (a.limbs_[i] < borrow) | (partial < b.limbs_[i]);
+      limbs_[i] = limb;
     }
-    if (n % 2) limbs_[n / 2] &= 0xFFFFFFFF;
-    set_size(n - 1);
+    for (std::size_t i = m; i < limbs; ++i) {
+      limb = a.limbs_[i] - borrow;
+      borrow = a.limbs_[i] < borrow;
+      limbs_[i] = limb;
+    }
+    if (n % 2) limbs_[limbs - 1] = limb &= 0xFFFFFFFF;
+    const std::uint64_t top = n % 2 ? limb : limb >> 32;
+    count_ = static_cast<int>(top ? n : n - 1);
   }
 
   void multiply_magnitudes(const Integer& a, const Integer& b) {
@@ -192,8 +206,8 @@ class Integer {
     set_size((std::min)(CHUNKS, a.size() + b.size() - 1));
   }
 
+  int count_;  // first, because both it and the lowest limbs are always used
   std::uint64_t limbs_[LIMBS];
-  int count_;
 };
 
 inline bool is_pos(const Integer& value) { return value.count() > 0; }
