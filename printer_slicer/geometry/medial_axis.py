@@ -170,9 +170,9 @@ class _DiagramEdges(Struct, frozen=True, eq=False):
         )
 
     def nearest_points(self, xy: Float, which: Int) -> Float:
-        """Return for each point (n, 2) the nearest position (n, 2) on the side or corner of its edge `which` (n,)."""
-        points = self.points.take(which, axis=0)
-        return nearest_on_segments(xy, points[:, 1], points[:, 2])[0]
+        """Return for k points (n, k, 2) each the nearest positions on the side or corner of the edges `which` (n,)."""
+        begin, end = (self.points[:, i].take(which, axis=0)[:, None] for i in (1, 2))
+        return nearest_on_segments(xy, begin, end)[0]
 
 
 def follow_parts(following: Int, count: Int) -> Int:
@@ -314,15 +314,10 @@ def _split_edges(edges: _DiagramEdges, following: Int, left_out: Int, chord: flo
     all_xy = np.concatenate([xy, inner])
     of_new = 2 * np.repeat(np.arange(len(count)), count - 1)
     start = ends.ravel()
-    foot = np.stack(
-        [
-            edges.nearest_points(all_xy.take(start, axis=0), owner),
-            edges.nearest_points(all_xy.take(ends[:, ::-1].ravel(), axis=0), owner),
-        ],
-        axis=1,
-    )
+    places = all_xy.take(np.stack([start, ends[:, ::-1].ravel()], axis=1).ravel(), axis=0).reshape(-1, 2, 2)
+    foot = edges.nearest_points(places, owner)
     radius = np.zeros(len(all_xy))
-    radius[start] = norm(all_xy.take(start, axis=0) - foot[:, 0])
+    radius[start] = norm(places[:, 0] - foot[:, 0])
     # At the tip of a corner the axis turns back, even if other outlines touch there.
     onto_tip = np.flatnonzero(radius[ends[:, ::-1].ravel()] < _TIP)
     after[onto_tip] = onto_tip ^ 1

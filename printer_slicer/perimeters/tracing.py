@@ -165,7 +165,9 @@ def _gather_rings(
 ) -> BeadRings:
     """Return the cycles of items as rings, in reverse direction and without repeated points."""
     lowest, place = find_cycles(following)
-    order = np.lexsort((-place, lowest))
+    length = np.bincount(lowest, minlength=len(lowest))
+    order = np.zeros(len(lowest), np.int64)
+    order[np.cumsum(length)[lowest] - 1 - place] = np.arange(len(lowest))
     counts = count[order]
     index = consecutive(-(first[order] + counts - 1), counts)  # each item's points backward too
     xy, width = (column.take(-index, axis=0) for column in points)
