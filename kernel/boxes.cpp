@@ -55,45 +55,50 @@ class Pitch {
   double least_ = std::numeric_limits<double>::infinity(), most_ = -least_;
 };
 
-// Intervals along the first axis, and the order in which they begin.
-struct Spans {
-  std::vector<double> low, high, begin;
-  std::vector<std::size_t> order;
+// A box with its interval along the first axis after the layers are moved apart.
+struct Span {
+  double low, high, bottom, top;
+  std::size_t box;
+};
 
-  Spans(const Boxes& boxes, double pitch) : low(boxes.count), high(boxes.count), begin(boxes.count), order(boxes.count) {
+struct Spans {
+  std::vector<Span> all, ordered;  // `ordered` by their begin
+  std::vector<double> begin;       // of `ordered`
+
+  Spans(const Boxes& boxes, double pitch) : begin(boxes.count) {
+    all.reserve(boxes.count);
     for (std::size_t i = 0; i < boxes.count; ++i) {
       const double shift = static_cast<double>(boxes.layer[i]) * pitch;
-      low[i] = boxes.low[i].x + shift;
-      high[i] = boxes.high[i].x + shift;
+      all.push_back({boxes.low[i].x + shift, boxes.high[i].x + shift, boxes.low[i].y, boxes.high[i].y, i});
     }
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t a, std::size_t b) { return low[a] != low[b] ? low[a] < low[b] : a < b; });
-    for (std::size_t i = 0; i < boxes.count; ++i) begin[i] = low[order[i]];
+    ordered = all;
+    std::sort(ordered.begin(), ordered.end(),
+              [](const Span& a, const Span& b) { return a.low != b.low ? a.low < b.low : a.box < b.box; });
+    for (std::size_t i = 0; i < boxes.count; ++i) begin[i] = ordered[i].low;
   }
 };
 
-bool meet_in_y(const Boxes& boxes, std::size_t i, const Boxes& others, std::size_t j) {
-  return boxes.low[i].y <= others.high[j].y && others.low[j].y <= boxes.high[i].y;
-}
-
-// Calls visit(i, j) for each other interval j that begins within interval i; with `ties`, also where i begins.
+// Calls visit(span, other) for others that begin within a span and overlap it along the second axis, too; with `ties`,
+// also for those that begin where the span begins.
 template <typename Visit>
 void visit_begins_within(const Spans& spans, const Spans& others, bool ties, const Visit& visit) {
   const auto first = others.begin.begin(), last = others.begin.end();
-  for (std::size_t i = 0; i < spans.low.size(); ++i) {
-    auto found = ties ? std::lower_bound(first, last, spans.low[i]) : std::upper_bound(first, last, spans.low[i]);
-    for (; found != last && *found <= spans.high[i]; ++found)
-      visit(i, others.order[static_cast<std::size_t>(found - first)]);
+  for (const Span& span : spans.all) {
+    const auto found = ties ? std::lower_bound(first, last, span.low) : std::upper_bound(first, last, span.low);
+    for (std::size_t k = static_cast<std::size_t>(found - first); k < others.begin.size(); ++k) {
+      const Span& other = others.ordered[k];
+      if (!(other.low <= span.high)) break;
+      if (span.bottom <= other.top && other.bottom <= span.top) visit(span, other);
+    }
   }
 }
 
 struct Pairs {
   std::vector<std::int64_t> one, other;
 
-  void append(std::size_t a, std::size_t b) {
-    one.push_back(static_cast<std::int64_t>(a));
-    other.push_back(static_cast<std::int64_t>(b));
+  void append(const Span& a, const Span& b) {
+    one.push_back(static_cast<std::int64_t>(a.box));
+    other.push_back(static_cast<std::int64_t>(b.box));
   }
 };
 
@@ -104,12 +109,8 @@ Pairs find_overlapping(const Boxes& own, const Boxes& others) {
   pitch.include(others);
   const Spans own_spans(own, pitch.value()), other_spans(others, pitch.value());
   Pairs pairs;
-  visit_begins_within(own_spans, other_spans, true, [&](std::size_t i, std::size_t j) {
-    if (meet_in_y(own, i, others, j)) pairs.append(i, j);
-  });
-  visit_begins_within(other_spans, own_spans, false, [&](std::size_t j, std::size_t i) {
-    if (meet_in_y(own, i, others, j)) pairs.append(i, j);
-  });
+  visit_begins_within(own_spans, other_spans, true, [&](const Span& a, const Span& b) { pairs.append(a, b); });
+  visit_begins_within(other_spans, own_spans, false, [&](const Span& b, const Span& a) { pairs.append(a, b); });
   return pairs;
 }
 
@@ -118,8 +119,8 @@ Pairs find_neighbours(const Boxes& boxes) {
   pitch.include(boxes);
   const Spans spans(boxes, pitch.value());
   Pairs pairs;
-  visit_begins_within(spans, spans, true, [&](std::size_t i, std::size_t j) {
-    if ((spans.low[j] > spans.low[i] || j > i) && meet_in_y(boxes, i, boxes, j)) pairs.append(i, j);
+  visit_begins_within(spans, spans, true, [&](const Span& a, const Span& b) {
+    if (b.low > a.low || b.box > a.box) pairs.append(a, b);
   });
   return pairs;
 }
