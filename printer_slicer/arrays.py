@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ __all__ = [
     "Int",
     "bounding_boxes",
     "compact_ids",
+    "concatenate_pairs",
     "consecutive",
     "distinct",
     "frozen_array",
@@ -140,6 +142,12 @@ def polyline_lengths(xy: Float, start: Int, closed: bool | Bool = True) -> Float
     x, y = np.ascontiguousarray(xy.T)
     following = next_in_ring(start, closed)
     return np.add.reduceat(np.hypot(x.take(following) - x, y.take(following) - y), start[:-1])
+
+
+def concatenate_pairs(found: Iterable[tuple[Int, Int]]) -> tuple[Int, Int]:
+    """Concatenate batches of index pairs (n,), (n,)."""
+    one, other = zip((np.zeros(0, np.int64), np.zeros(0, np.int64)), *found, strict=True)
+    return np.concatenate(one), np.concatenate(other)
 
 
 def distinct(values: NDArray[_Number]) -> NDArray[_Number]:

@@ -163,17 +163,20 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
 
     def of_points(self, keep: Bool) -> Areas:
         """Keep the points where `keep` (N,) is true; drop rings that keep fewer than three."""
-        count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
+        count = self._count_points(keep)
         if ((count > 0) & (count < 3)).any():
-            keep = keep & np.repeat(count >= 3, np.diff(self.ring_start))
+            keep = self.mask_whole_rings(keep)
         kept = count >= 3
         start = np.append(0, np.cumsum(count[kept]))
         return Areas(self.xy.compress(keep, axis=0), start, self.ring_layer[kept], self.n_layers)
 
     def mask_whole_rings(self, keep: Bool) -> Bool:
         """Return the mask `keep` (N,), cleared for rings that would keep fewer than three points."""
-        count = np.diff(np.append(0, np.cumsum(keep))[self.ring_start])
-        return keep & np.repeat(count >= 3, np.diff(self.ring_start))
+        return keep & np.repeat(self._count_points(keep) >= 3, np.diff(self.ring_start))
+
+    def _count_points(self, chosen: Bool) -> Int:
+        """Return the number of chosen points (N,) of each ring (R,)."""
+        return np.diff(np.append(0, np.cumsum(chosen))[self.ring_start])
 
     def of_layers(self, layers: Bool | Int) -> Areas:
         """Return only the rings of some layers, given as a mask (n_layers,) or as layer indices."""

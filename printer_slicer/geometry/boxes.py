@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, consecutive
+from printer_slicer.arrays import Bool, Float, Int, bounding_boxes, concatenate_pairs, consecutive
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct
@@ -61,7 +61,7 @@ class Boxes(Struct, frozen=True, eq=False):
             self._keep_overlapping_in_y(other, own, others)
             for others, own in _find_starts_within(other_spans, own_spans, ties=False)
         ]
-        return _concatenate_pairs(found)
+        return concatenate_pairs(found)
 
     def find_neighbours(self) -> tuple[Int, Int]:
         """Return index pairs, unordered, of different boxes that overlap or touch on the same layer, each pair once."""
@@ -73,7 +73,7 @@ class Boxes(Struct, frozen=True, eq=False):
         for a, b in _find_starts_within(spans, spans):
             once = (low[b] > low[a]) | (b > a)
             found.append(self._keep_overlapping_in_y(self, a[once], b[once]))
-        return _concatenate_pairs(found)
+        return concatenate_pairs(found)
 
     def touches_any(self, other: Boxes) -> Bool:
         """Return a mask (B,) of boxes that overlap or touch any box of `other` on their layer."""
@@ -127,9 +127,3 @@ def _find_starts_within(spans: _Spans, others: _Spans, *, ties: bool = True) -> 
 def _read_pairs(found: tuple[bytes, bytes]) -> tuple[Int, Int]:
     """Read the pairs that the kernel found."""
     return np.frombuffer(found[0], np.int64), np.frombuffer(found[1], np.int64)
-
-
-def _concatenate_pairs(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
-    """Concatenate batches of pairs."""
-    none = np.zeros(0, np.int64)
-    return np.concatenate([none, *(a for a, _ in found)]), np.concatenate([none, *(b for _, b in found)])

@@ -65,26 +65,6 @@ class SegmentIndex:
         result[known] = distance_to_segments(points[known], self._begin[segment], self._end[segment])
         return result
 
-    def find_within(self, points: Float, layer: Int, reach: float) -> tuple[Int, Int, Float]:
-        """Find the segments of their `layer` (P,) within reach of points (P, 2), unordered.
-
-        Returns:
-            The point (X,), the segment (X,), and the distance between them (X,), mm.
-        """
-        none = np.zeros(0, np.int64)
-        if self._tree is None or not len(points):
-            return none, none, np.zeros(0)
-        moved = points + self._cell_offset(layer)
-        found = []
-        for first in range(0, len(points), _QUERIES_AT_ONCE):
-            some = moved[first : first + _QUERIES_AT_ONCE]
-            point, segment = self._tree.query_boxes(some - reach, some + reach)
-            point = point + first
-            apart = distance_to_segments(points[point], self._begin[segment], self._end[segment])
-            near = apart <= reach
-            found.append((point[near], segment[near], apart[near]))
-        return _concatenate_columns(found)
-
     def find_touching(self, low: Float, high: Float, layer: Int) -> Iterator[tuple[Int, Int]]:
         """Yield batches of pairs of a box and a segment of its `layer` (P,) whose bounding box touches it.
 
@@ -110,14 +90,8 @@ class SegmentIndex:
             The line (X,), the segment that it crosses (X,), and the position along the line (X,), 0 to 1.
         """
         none = np.zeros(0, np.int64)
-        if self._tree is None or not len(begin):
-            return none, none, np.zeros(0)
-        cell = self._cell_offset(layer)
-        found = []
-        for first in range(0, len(begin), _QUERIES_AT_ONCE):
-            some = slice(first, first + _QUERIES_AT_ONCE)
-            line, segment = self._tree.query_boxes(begin[some] + cell[some], end[some] + cell[some])
-            line = line + first
+        found = [(none, none, np.zeros(0))]
+        for line, segment in self.find_touching(begin, end, layer):
             share = crossing_shares(
                 begin.take(line, axis=0),
                 end.take(line, axis=0),

@@ -74,6 +74,7 @@ def _apply_order(paths: Toolpaths, units: Units, sequence: Int, is_reversed: Boo
     start = np.append(0, np.cumsum(size))
 
     def find_points(some: slice) -> tuple[Int, Int]:
+        """Return for the points of some paths the points that they were, and those that have their support ratio."""
         count = size[some]
         at = consecutive(np.zeros_like(count), count)
         at *= np.repeat(1 - 2 * back[some], count)

@@ -152,6 +152,7 @@ def _rotate_loops(
     start = np.append(0, np.cumsum(size + extra))
 
     def find_points(some: slice) -> tuple[Int, Int]:
+        """Return for the points of some paths the points that they were; new points are filled in afterwards."""
         count, first = size[some] + extra[some], paths.start[:-1][some]
         point = consecutive(first + turn[some] - extra[some], count)
         point[(start[:-1][some] - start[some.start])[extra[some] > 0]] += 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, concatenate_pairs
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.ring_queries import crossing_shares
 from printer_slicer.geometry.segment_index import SegmentIndex, distance_to_segments
@@ -17,9 +17,7 @@ __all__ = ["crosses_top_infill"]
 
 _STEP = 0.5  # of the extrusion width: sampling distance along travels
 _SAMPLES_AT_ONCE = 1 << 14  # so that memory does not grow with the length of the travels
-_PIECE = (
-    12.0  # extrusion widths: maximum length of pieces of lines; the box of a long slanted line is too large
-)
+_PIECE = 12.0  # extrusion widths: maximum length of pieces of lines; boxes of long slanted ones are too large
 _MARGIN = 1e-6  # mm, larger than rounding errors of distances to pieces
 _OWN = 1.0  # of the extrusion width: within this distance of its ends a travel may lie on the lines that it joins
 
@@ -51,7 +49,7 @@ class _VisibleLines(Struct, frozen=True, eq=False):
             leg, line = leg_of[part], self.line[piece]
             share = crossing_shares(begin[leg], end[leg], self.begin[line], self.end[line])
             found.append(_select_pairs(leg, line, ~np.isnan(share)))
-        return _concatenate_pairs(found)
+        return concatenate_pairs(found)
 
     def find_around(self, points: Float, layer: Int) -> tuple[Int, Int]:
         """Return pairs of a point (P, 2) on its `layer` (P,) and a line that covers it."""
@@ -61,7 +59,7 @@ class _VisibleLines(Struct, frozen=True, eq=False):
             line = self.line[piece]
             apart = distance_to_segments(points[point], self.begin[line], self.end[line])
             found.append(_select_pairs(point, line, apart < self.width[line] / 2))
-        return _concatenate_pairs(found)
+        return concatenate_pairs(found)
 
 
 def crosses_top_infill(paths: Toolpaths, routes: Routes, leads_to: Int) -> Bool:
@@ -108,7 +106,7 @@ def _find_travels_on_lines(visible: _VisibleLines, routes: Routes) -> tuple[Int,
         travel, xy = some[travel[inner]], xy[inner]
         point, line = visible.find_around(xy, routes.layer[travel])
         found.append((travel[point], line))
-    return _concatenate_pairs(found)
+    return concatenate_pairs(found)
 
 
 def _sample_travels(routes: Routes, step: float) -> tuple[Int, Float, Float]:
@@ -162,9 +160,3 @@ def _cut_into_pieces(begin: Float, end: Float, length: float) -> tuple[Float, Fl
 def _select_pairs(one: Int, other: Int, chosen: Bool) -> tuple[Int, Int]:
     """Return the chosen pairs."""
     return one[chosen], other[chosen]
-
-
-def _concatenate_pairs(found: list[tuple[Int, Int]]) -> tuple[Int, Int]:
-    """Concatenate batches of pairs."""
-    none = np.zeros(0, np.int64)
-    return np.concatenate([none, *(a for a, _ in found)]), np.concatenate([none, *(b for _, b in found)])
