@@ -22,7 +22,10 @@ struct Invalid {
 // Numbers of 8 bytes in an object with the buffer protocol.
 class Numbers {
  public:
-  explicit Numbers(PyObject* object) { valid_ = !PyObject_GetBuffer(object, &view_, PyBUF_SIMPLE); }
+  // After an exception, as of the numbers before, these are not valid either.
+  explicit Numbers(PyObject* object) {
+    valid_ = !PyErr_Occurred() && !PyObject_GetBuffer(object, &view_, PyBUF_SIMPLE);
+  }
   ~Numbers() {
     if (valid_) PyBuffer_Release(&view_);
   }
