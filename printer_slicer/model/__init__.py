@@ -6,6 +6,7 @@ K moves. Units are mm, s, mm/s and °C.
 
 from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
+from printer_slicer.model.overhangs import Overhangs
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
     Acceleration,
@@ -19,12 +20,14 @@ from printer_slicer.model.paths import (
     reorder_ragged,
 )
 from printer_slicer.model.plate_objects import Labels, PlateObject
+from printer_slicer.model.supports import Bare, SupportPlan, Supports
 from printer_slicer.model.travels import Travels, find_travel_ends
 from printer_slicer.model.walls import Walls
 
 __all__ = [
     "Acceleration",
     "Areas",
+    "Bare",
     "Contours",
     "Event",
     "Fan",
@@ -34,6 +37,7 @@ __all__ = [
     "LayerPlan",
     "Mesh",
     "MeshFaults",
+    "Overhangs",
     "PlateObject",
     "PressureAdvance",
     "Program",
@@ -41,6 +45,8 @@ __all__ = [
     "Repair",
     "Repairs",
     "Sections",
+    "SupportPlan",
+    "Supports",
     "ToolChange",
     "Toolpaths",
     "Travels",

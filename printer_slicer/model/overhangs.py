@@ -1,0 +1,58 @@
+"""What hangs: the areas of a part that nothing below carries, layer by layer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.geometry import Areas
+from printer_slicer.model.layers import LayerPlan
+from printer_slicer.repr_svg import SvgRepr
+from printer_slicer.values import Struct, force_setattr
+
+__all__ = ["Overhangs"]
+
+
+class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
+    """The areas of each layer that hang over nothing, after bridges and small patches were taken out.
+
+    Attributes:
+        plan: the layers of the part.
+        area: what hangs in each layer and needs a support.
+        ring_patch: (R,) patch of each ring of `area`, from 0. Pieces in neighbouring layers that touch are one patch.
+        islands: the lowest piece of each body that stands on nothing, and of each tail; they are part of `area`.
+        bridged: areas that hang, but whose bridge lines are held at both ends.
+        is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
+    """
+
+    plan: LayerPlan
+    area: Areas
+    ring_patch: Int
+    islands: Areas
+    bridged: Areas
+    is_flat: Bool
+
+    def __post_init__(self) -> None:
+        force_setattr(self, "ring_patch", frozen_array(self.ring_patch, np.int64, (self.area.n_rings,)))
+        force_setattr(self, "is_flat", frozen_array(self.is_flat, np.bool_, (self.plan.n_layers,)))
+
+    def __repr__(self) -> str:
+        if not self.area.n_rings:
+            return "<Overhangs: none>"
+        area, islands = float(self.area.area().sum()), len(np.unique(self.islands.ring_layer))
+        return f"<Overhangs: {self.n_patches} patches, {area:.4g} mm2, islands in {islands} layers>"
+
+    @property
+    def n_patches(self) -> int:
+        """Number of patches."""
+        return int(self.ring_patch.max(initial=-1)) + 1
+
+    @property
+    def drawable(self) -> Areas:
+        """The areas, which a picture of the overhangs shows."""
+        return self.area
+
+    def patch_areas(self) -> Float:
+        """Return the area of each patch, summed over its layers, mm²."""
+        areas = np.bincount(self.ring_patch, self.area.ring_area(), minlength=self.n_patches)
+        return areas.astype(np.float64)
