@@ -5,25 +5,28 @@
 
 #include "python.hpp"
 
-PyObject* accumulate_with_limit(PyObject*, PyObject* arguments);  // limited_sums.cpp
-PyObject* build_polyline_tree(PyObject*, PyObject* ends);         // polyline_tree.cpp
-PyObject* clip_outlines(PyObject*, PyObject* arguments);          // outlines.cpp
-PyObject* combine_areas(PyObject*, PyObject* arguments);          // clipping.cpp
-PyObject* cut_edges(PyObject*, PyObject* arguments);              // plane_sections.cpp
-PyObject* divide_pieces(PyObject*, PyObject* arguments);          // divide_pieces.cpp
-PyObject* facing_boxes(PyObject*, PyObject* arguments);           // facing.cpp
-PyObject* find_cycles(PyObject*, PyObject* following);            // plane_sections.cpp
-PyObject* find_spikes(PyObject*, PyObject* arguments);            // spikes.cpp
-PyObject* format_move_rows(PyObject*, PyObject* arguments);       // move_rows.cpp
-PyObject* inner_edges(PyObject*, PyObject* arguments);            // inner_edges.cpp
-PyObject* miter_areas(PyObject*, PyObject* arguments);            // mitering.cpp
-PyObject* nearest_marked(PyObject*, PyObject* arguments);         // nearest_marked.cpp
-PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);     // boxes.cpp
-PyObject* number_cuts(PyObject*, PyObject* arguments);            // plane_sections.cpp
-PyObject* overlapping_boxes(PyObject*, PyObject* arguments);      // boxes.cpp
-PyObject* points_to_keep(PyObject*, PyObject* arguments);         // points_to_keep.cpp
-PyObject* query_polyline_tree(PyObject*, PyObject* arguments);    // polyline_tree.cpp
-PyObject* read_elements(PyObject*, PyObject* arguments);          // element_runs.cpp
-PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);       // voronoi.cpp
+PyObject* accumulate_with_limit(PyObject*, PyObject* arguments);    // limited_sums.cpp
+PyObject* build_polyline_tree(PyObject*, PyObject* ends);           // polyline_tree.cpp
+PyObject* clip_outlines(PyObject*, PyObject* arguments);            // outlines.cpp
+PyObject* combine_areas(PyObject*, PyObject* arguments);            // clipping.cpp
+PyObject* cut_edges(PyObject*, PyObject* arguments);                // plane_sections.cpp
+PyObject* divide_pieces(PyObject*, PyObject* arguments);            // divide_pieces.cpp
+PyObject* facing_boxes(PyObject*, PyObject* arguments);             // facing.cpp
+PyObject* find_cycles(PyObject*, PyObject* following);              // plane_sections.cpp
+PyObject* find_spikes(PyObject*, PyObject* arguments);              // spikes.cpp
+PyObject* find_unsupported_pieces(PyObject*, PyObject* arguments);  // height_map.cpp
+PyObject* format_move_rows(PyObject*, PyObject* arguments);         // move_rows.cpp
+PyObject* inner_edges(PyObject*, PyObject* arguments);              // inner_edges.cpp
+PyObject* miter_areas(PyObject*, PyObject* arguments);              // mitering.cpp
+PyObject* nearest_marked(PyObject*, PyObject* arguments);           // nearest_marked.cpp
+PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);       // boxes.cpp
+PyObject* number_cuts(PyObject*, PyObject* arguments);              // plane_sections.cpp
+PyObject* overlapping_boxes(PyObject*, PyObject* arguments);        // boxes.cpp
+PyObject* points_to_keep(PyObject*, PyObject* arguments);           // points_to_keep.cpp
+PyObject* query_polyline_tree(PyObject*, PyObject* arguments);      // polyline_tree.cpp
+PyObject* raise_height_map(PyObject*, PyObject* arguments);         // height_map.cpp
+PyObject* read_elements(PyObject*, PyObject* arguments);            // element_runs.cpp
+PyObject* split_moves(PyObject*, PyObject* arguments);              // height_map.cpp
+PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);         // voronoi.cpp
 
 #endif

@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 4;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 5;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -19,6 +19,7 @@ PyMethodDef methods[] = {
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
     {"find_cycles", find_cycles, METH_O, "Find the cycles of a permutation; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
+    {"find_unsupported_pieces", find_unsupported_pieces, METH_VARARGS, "Find unsupported extrusion; see kernel.py."},
     {"format_move_rows", format_move_rows, METH_VARARGS, "Format rows of moves; see kernel.py."},
     {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
@@ -28,7 +29,9 @@ PyMethodDef methods[] = {
     {"overlapping_boxes", overlapping_boxes, METH_VARARGS, "Find boxes that overlap others; see kernel.py."},
     {"points_to_keep", points_to_keep, METH_VARARGS, "Find the points that paths need; see kernel.py."},
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
+    {"raise_height_map", raise_height_map, METH_VARARGS, "Add extrusions to a height map; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
+    {"split_moves", split_moves, METH_VARARGS, "Split moves into short pieces; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <new>
+#include <type_traits>
 #include <vector>
 
 // Input that is not what a function expects; it becomes a ValueError.
@@ -19,28 +20,38 @@ struct Invalid {
   const char* message;
 };
 
-// Numbers of 8 bytes in an object with the buffer protocol.
-class Numbers {
+// Elements of a type in an object with the buffer protocol; of a type without const, they can be written.
+template <typename T>
+class Elements {
  public:
-  // After an exception, as of the numbers before, these are not valid either.
-  explicit Numbers(PyObject* object) {
-    valid_ = !PyErr_Occurred() && !PyObject_GetBuffer(object, &view_, PyBUF_SIMPLE);
+  // After an exception, as of the elements before, these are not valid either.
+  explicit Elements(PyObject* object) {
+    constexpr int flags = std::is_const_v<T> ? PyBUF_SIMPLE : PyBUF_WRITABLE;
+    valid_ = !PyErr_Occurred() && !PyObject_GetBuffer(object, &view_, flags);
   }
-  ~Numbers() {
+  ~Elements() {
     if (valid_) PyBuffer_Release(&view_);
   }
-  Numbers(const Numbers&) = delete;
-  Numbers& operator=(const Numbers&) = delete;
+  Elements(const Elements&) = delete;
+  Elements& operator=(const Elements&) = delete;
 
   bool valid() const { return valid_; }
-  bool is_whole() const { return view_.len % 8 == 0 && reinterpret_cast<std::uintptr_t>(view_.buf) % 8 == 0; }
-  std::size_t size() const { return static_cast<std::size_t>(view_.len) / 8; }
-  const std::int64_t* data() const { return static_cast<const std::int64_t*>(view_.buf); }
-  const double* doubles() const { return static_cast<const double*>(view_.buf); }
+  bool is_whole() const {
+    return view_.len % sizeof(T) == 0 && reinterpret_cast<std::uintptr_t>(view_.buf) % sizeof(T) == 0;
+  }
+  std::size_t size() const { return static_cast<std::size_t>(view_.len) / sizeof(T); }
+  T* data() const { return static_cast<T*>(view_.buf); }
 
  private:
   Py_buffer view_;
   bool valid_;
+};
+
+// Numbers of 8 bytes.
+class Numbers : public Elements<const std::int64_t> {
+ public:
+  using Elements::Elements;
+  const double* doubles() const { return reinterpret_cast<const double*>(data()); }
 };
 
 template <typename T>

@@ -14,10 +14,10 @@ from typing import Any, Final, Protocol
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["VARIABLE", "Kernel", "describe_kernel", "load_kernel"]
+__all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 4  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 5  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -163,6 +163,32 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match.
+        """
+
+    def find_unsupported_pieces(
+        self,
+        height_map: tuple[Buffer, Buffer, int],
+        moves: tuple[Buffer, ...],
+        pieces: tuple[Buffer, ...],
+        support_gap: float,
+        drop: float,
+        /,
+    ) -> bytes:
+        """Find unsupported extrusion of one height; see `printer_slicer.inspection.deposition.unsupported`.
+
+        Args:
+            height_map: (C + 1,) float32, the top of the print in each cell, row by row, and 0 for everything outside;
+                (C + 1,) uint8, whether it is removable, or no elements; the number of cells per row.
+            moves: `start`, `end`, `volume` and `xy_length` of `LevelMoves`; (n,) uint8, whether each move is removable.
+            pieces: the arrays of `MovePieces`; (P,) int64, the cell of each piece.
+            support_gap: mm that removable print may be lower than other print.
+            drop: mm that all print may be lower.
+
+        Returns:
+            The indices of the unsupported pieces as int64.
+
+        Raises:
+            ValueError: the arrays do not match, or an index is outside of its array.
         """
 
     def format_move_rows(
@@ -311,6 +337,28 @@ class Kernel(Protocol):
             ValueError: the boxes do not belong to the segments, or an array has another shape.
         """
 
+    def raise_height_map(
+        self,
+        height_map: tuple[Buffer, Buffer, int],
+        moves: tuple[Buffer, ...],
+        pieces: tuple[Buffer, ...],
+        left: float,
+        front: float,
+        /,
+    ) -> None:
+        """Add extrusions of one height to a height map; see `printer_slicer.inspection.deposition.unsupported`.
+
+        Args:
+            height_map: as for `find_unsupported_pieces`; its arrays are changed.
+            moves: as there.
+            pieces: as there.
+            left: x of the corner of the first cell.
+            front: y of this corner.
+
+        Raises:
+            ValueError: as there, or a move is removable and the height map has no array for that.
+        """
+
     def read_elements(self, text: bytes, words: bytes, is_whole: bool, /) -> bytes | None:
         """Read the numbers of XML elements, as `printer_slicer.mesh_io.element_runs` does.
 
@@ -321,6 +369,20 @@ class Kernel(Protocol):
 
         Returns:
             The numbers as int64 or float64; None if the text is not in this form.
+        """
+
+    def split_moves(self, start: Buffer, end: Buffer, /) -> tuple[bytes, bytes, bytes, bytes, bytes]:
+        """Split moves into short pieces; see `printer_slicer.inspection.deposition.height_map`.
+
+        Args:
+            start: (n, 3) float64.
+            end: (n, 3) float64.
+
+        Returns:
+            The arrays of `MovePieces`.
+
+        Raises:
+            ValueError: the arrays do not match, or a move is too long.
         """
 
     def voronoi_diagrams(

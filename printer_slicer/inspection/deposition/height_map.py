@@ -16,6 +16,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.marks import Defect, Marks
+from printer_slicer.kernel import Buffer, Kernel, load_kernel
 from printer_slicer.motion.vectorized import compute_volumetric_flow
 from printer_slicer.values import Struct
 
@@ -27,11 +28,13 @@ __all__ = [
     "NEGLIGIBLE",
     "START",
     "HeightMap",
+    "KernelLevel",
     "LevelMoves",
     "MoveBatch",
     "MovePieces",
     "PlateHeights",
     "find_height_changes",
+    "kernel_level",
     "split_moves",
 ]
 
@@ -73,6 +76,10 @@ class MovePieces(Struct, frozen=True, eq=False):
 
 def split_moves(start: Float, end: Float) -> MovePieces:
     """Split moves from `start` to `end`, (n, 3) mm, into pieces no longer than a cell, in order."""
+    kernel = load_kernel()
+    if kernel:
+        owner, *columns = kernel.split_moves(np.ascontiguousarray(start), np.ascontiguousarray(end))
+        return MovePieces(np.frombuffer(owner, np.int64), *(np.frombuffer(column) for column in columns))
     way = end - start
     length = np.hypot(way[:, 0], way[:, 1])
     count = np.maximum(np.ceil(length / CELL), 1).astype(np.int64)
@@ -84,6 +91,10 @@ def split_moves(start: Float, end: Float) -> MovePieces:
         pieces = upright.take(move)
         z[pieces] = np.minimum(start[move, 2], end[move, 2])[pieces]
     return MovePieces(move, x, y, z, (length / count).take(move))
+
+
+KernelLevel = tuple[tuple[Float, Float, Float, Float, Bool], tuple[Int, Float, Float, Float, Float, Int]]
+"""Moves of one height and their pieces as arguments of the kernel, see `kernel_level`."""
 
 
 class PlateHeights(Struct, frozen=True, eq=False):
@@ -190,6 +201,33 @@ class HeightMap:
             self._removable = np.zeros(self._outside + 1, np.bool_)
         self._removable[cell] = removable
         self._removable[self._outside] = False
+
+    def find_unsupported_with(
+        self, kernel: Kernel, level: KernelLevel, *, support_gap: float, drop: float
+    ) -> Int:
+        """Find unsupported pieces as `unsupported.find_unsupported_pieces` does.
+
+        Args:
+            kernel: computes them.
+            level: moves of one height and their pieces, all extruding.
+            support_gap: mm that support material may be lower.
+            drop: mm that everything may be lower.
+        """
+        return np.frombuffer(
+            kernel.find_unsupported_pieces(self._kernel_map(), *level, support_gap, drop), np.int64
+        )
+
+    def add_with(self, kernel: Kernel, level: KernelLevel) -> None:
+        """Raise the height map with the kernel as `unsupported.add_to_height_map` does; arguments as above."""
+        (*_, is_removable), (_, _, _, z, *_) = level
+        if self._removable is None and is_removable.any():
+            self._removable = np.zeros(self._outside + 1, np.bool_)
+        kernel.raise_height_map(self._kernel_map(), *level, self._left, self._front)
+        self.highest = max(self.highest, float(z.max()))
+
+    def _kernel_map(self) -> tuple[Buffer, Buffer, int]:
+        """Return this height map as an argument for the kernel."""
+        return self._top, np.zeros(0, np.bool_) if self._removable is None else self._removable, self._wide
 
     def plate_heights(self, max_cells: int = 1600) -> PlateHeights:
         """Return the heights of the printed area, with cells merged to at most `max_cells` per side."""
@@ -313,6 +351,15 @@ class LevelMoves(Struct, frozen=True, eq=False):
         if len(parts) == 1:
             return parts[0]
         return LevelMoves(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
+
+
+def kernel_level(moves: LevelMoves, is_removable: Bool, pieces: MovePieces, cell: Int) -> KernelLevel:
+    """Return the moves of one height and their pieces, with their cells, as arguments for the kernel."""
+    start, end = np.ascontiguousarray(moves.start), np.ascontiguousarray(moves.end)
+    return (
+        (start, end, moves.volume, moves.xy_length, is_removable),
+        (pieces.move, pieces.x, pieces.y, pieces.z, pieces.length, cell),
+    )
 
 
 class MoveBatch(LevelMoves, Struct, frozen=True, eq=False):

@@ -19,9 +19,11 @@ from printer_slicer.inspection.deposition.height_map import (
     LevelMoves,
     MovePieces,
     find_height_changes,
+    kernel_level,
     split_moves,
 )
 from printer_slicer.inspection.deposition.marks import Marks, Purpose, purposes_of_roles
+from printer_slicer.kernel import load_kernel
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
@@ -64,6 +66,11 @@ def find_unsupported_pieces(
     none = np.zeros(0, np.int64)
     if len(marks.layers) and not marks.layer_at(moves.command).any():
         return none  # priming may extrude into the air
+    kernel = load_kernel()
+    if kernel:
+        level = kernel_level(moves, _find_removable(moves, marks), pieces, cell)
+        drop = 0.0 if marks.has_roles else _SUPPORT_GAP
+        return height_map.find_unsupported_with(kernel, level, support_gap=_SUPPORT_GAP, drop=drop)
     lowest = pieces.z - moves.strand_diameter.take(pieces.move) * _MAX_SAG
     if not marks.has_roles:
         lowest = lowest - _SUPPORT_GAP  # the layer below may be a support
@@ -82,8 +89,12 @@ def add_to_height_map(
     height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
 ) -> None:
     """Add extrusions to the height map with their full width; arguments as for `find_unsupported_pieces`."""
-    width = moves.width(-height_map.depth_below_print(cell, pieces.z))
     removable = _find_removable(moves, marks)
+    kernel = load_kernel()
+    if kernel:
+        height_map.add_with(kernel, kernel_level(moves, removable, pieces, cell))
+        return
+    width = moves.width(-height_map.depth_below_print(cell, pieces.z))
     if not removable.any():
         height_map.add_extrusions(pieces, moves.perpendicular, width, removable=False)
         return
