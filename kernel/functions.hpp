@@ -9,6 +9,7 @@ PyObject* accumulate_with_limit(PyObject*, PyObject* arguments);    // limited_s
 PyObject* build_polyline_tree(PyObject*, PyObject* ends);           // polyline_tree.cpp
 PyObject* clip_outlines(PyObject*, PyObject* arguments);            // outlines.cpp
 PyObject* combine_areas(PyObject*, PyObject* arguments);            // clipping.cpp
+PyObject* coordinate_keys(PyObject*, PyObject* arguments);          // keys.cpp
 PyObject* cut_edges(PyObject*, PyObject* arguments);                // plane_sections.cpp
 PyObject* divide_pieces(PyObject*, PyObject* arguments);            // divide_pieces.cpp
 PyObject* facing_boxes(PyObject*, PyObject* arguments);             // facing.cpp
@@ -17,6 +18,7 @@ PyObject* find_spikes(PyObject*, PyObject* arguments);              // spikes.cp
 PyObject* find_unsupported_pieces(PyObject*, PyObject* arguments);  // height_map.cpp
 PyObject* format_move_rows(PyObject*, PyObject* arguments);         // move_rows.cpp
 PyObject* inner_edges(PyObject*, PyObject* arguments);              // inner_edges.cpp
+PyObject* label_components(PyObject*, PyObject* arguments);         // keys.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);              // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);           // nearest_marked.cpp
 PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);       // boxes.cpp
@@ -28,5 +30,6 @@ PyObject* raise_height_map(PyObject*, PyObject* arguments);         // height_ma
 PyObject* read_elements(PyObject*, PyObject* arguments);            // element_runs.cpp
 PyObject* split_moves(PyObject*, PyObject* arguments);              // height_map.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);         // voronoi.cpp
+PyObject* weld_keys(PyObject*, PyObject* keys);                     // keys.cpp
 
 #endif

@@ -7,13 +7,14 @@
 
 namespace {
 
-constexpr int INTERFACE = 5;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 6;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
     {"build_polyline_tree", build_polyline_tree, METH_O, "Build a search tree for segments; see kernel.py."},
     {"clip_outlines", clip_outlines, METH_VARARGS, "Clip outlines to areas of layers; see kernel.py."},
     {"combine_areas", combine_areas, METH_VARARGS, "Combine areas of layers; see kernel.py."},
+    {"coordinate_keys", coordinate_keys, METH_VARARGS, "Compute keys of corners; see kernel.py."},
     {"cut_edges", cut_edges, METH_VARARGS, "Cut edges by planes; see kernel.py."},
     {"divide_pieces", divide_pieces, METH_VARARGS, "Divide the pieces of a medial axis; see kernel.py."},
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
@@ -22,6 +23,7 @@ PyMethodDef methods[] = {
     {"find_unsupported_pieces", find_unsupported_pieces, METH_VARARGS, "Find unsupported extrusion; see kernel.py."},
     {"format_move_rows", format_move_rows, METH_VARARGS, "Format rows of moves; see kernel.py."},
     {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
+    {"label_components", label_components, METH_VARARGS, "Label connected components; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"neighbouring_boxes", neighbouring_boxes, METH_VARARGS, "Find boxes that overlap; see kernel.py."},
@@ -33,6 +35,7 @@ PyMethodDef methods[] = {
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
     {"split_moves", split_moves, METH_VARARGS, "Split moves into short pieces; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
+    {"weld_keys", weld_keys, METH_O, "Number equal keys; see kernel.py."},
     {nullptr, nullptr, 0, nullptr},
 };
 

@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 5  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 6  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -89,6 +89,15 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match.
+        """
+
+    def coordinate_keys(self, x: Buffer, y: Buffer, z: Buffer, /) -> bytes:
+        """Return 64-bit keys (n,) of corners, given their coordinates as float64, (n,) each.
+
+        See `printer_slicer.geometry.facet_topology`.
+
+        Raises:
+            ValueError: the arrays have different lengths.
         """
 
     def cut_edges(
@@ -223,6 +232,21 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match.
+        """
+
+    def label_components(self, one: Buffer, other: Buffer, n: int, /) -> bytes:
+        """Label connected components; see `printer_slicer.geometry.connectivity`.
+
+        Args:
+            one: (M,) int32, an item of each link.
+            other: (M,) int32, the other item.
+            n: number of items.
+
+        Returns:
+            The component (n,) of each item as int64, in the order of their lowest items.
+
+        Raises:
+            ValueError: the arrays do not match, or an item does not exist.
         """
 
     def miter_areas(
@@ -399,6 +423,16 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the numbers of sides do not match, a coordinate has more than 32 bits, or sides cross.
+        """
+
+    def weld_keys(self, key: Buffer, /) -> tuple[bytes, bytes]:
+        """Number keys (n,) of 64 bits; see `printer_slicer.geometry.connectivity`.
+
+        Returns:
+            The number (n,) of each key, and the last index (m,) of the key with each number, ascending, as int32.
+
+        Raises:
+            ValueError: there are more than 2**31 - 1 keys.
         """
 
 

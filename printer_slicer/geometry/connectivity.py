@@ -44,8 +44,12 @@ def weld_keys(key: NDArray[np.uint64]) -> tuple[Index, Index]:
         key: (n,) 64-bit keys.
 
     Returns:
-        The number of each key (n,), from 0, and the index of one key with each number (m,).
+        The number of each key (n,), from 0, and the last index of the key with each number (m,), ascending.
     """
+    kernel = load_kernel()
+    if kernel:
+        numbers, last = kernel.weld_keys(np.ascontiguousarray(key))
+        return np.frombuffer(numbers, np.int32), np.frombuffer(last, np.int32)
     if len(key) <= 2 * _NEAR:
         return _weld_in_one_table(key)
     number, one = np.zeros(len(key), np.int32), []
@@ -100,12 +104,15 @@ def label_components(members: Index | Int, n: int) -> Int:
         n: number of items.
 
     Returns:
-        The component (n,) of each item, from 0.
+        The component (n,) of each item, from 0, in the order of their lowest items.
     """
-    label = np.arange(n, dtype=np.int32)
-    itself = label.copy()
     columns = [np.asarray(column, np.int32) for column in members]
     one, other = (np.concatenate([np.zeros(0, np.int32), *some]) for some in (columns[:-1], columns[1:]))
+    kernel = load_kernel()
+    if kernel:
+        return np.frombuffer(kernel.label_components(one, other, n), np.int64)
+    label = np.arange(n, dtype=np.int32)
+    itself = label.copy()
     while len(one):
         # Links mostly come in rising order. Written backward, the lowest linked item wins.
         low, high = np.minimum(one, other)[::-1], np.maximum(one, other)[::-1]

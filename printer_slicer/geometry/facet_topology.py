@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.connectivity import label_components, weld_keys
+from printer_slicer.kernel import load_kernel
 
 __all__ = [
     "coordinate_keys",
@@ -83,6 +84,10 @@ def coordinate_keys(x: Float, y: Float, z: Float) -> _UInt:
     sign, and in the last bits that 32-bit files have. Rotation moves both to the low end, so that either changes most
     bits of the key.
     """
+    kernel = load_kernel()
+    if kernel:
+        columns = (np.ascontiguousarray(column, np.float64) for column in (x, y, z))
+        return np.frombuffer(kernel.coordinate_keys(*columns), np.uint64)
     keys = np.zeros(len(x), np.uint64)
     for column, factor in zip((x, y, z), _FACTORS[:3], strict=True):
         bits = (column + 0.0).view(np.uint64)  # adding zero turns -0.0 into 0.0

@@ -1,0 +1,133 @@
+// Keys of corners, numbers of equal keys, and connected components. The twins are in printer_slicer/geometry:
+// connectivity.py and facet_topology.py.
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <numeric>
+
+#include "functions.hpp"
+
+namespace {
+
+// As in connectivity.py and facet_topology.py.
+constexpr std::uint64_t SPREAD = 0x9E3779B97F4A7C15;
+constexpr std::uint64_t FACTORS[] = {0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD6E8FEB86659FD93};
+
+struct Welded {
+  std::vector<std::int32_t> number, last;
+};
+
+// Numbers equal keys alike, by the last position of each key.
+Welded weld(const std::uint64_t* key, std::size_t n) {
+  int bits = 4;
+  while ((std::size_t{1} << bits) < 2 * n) ++bits;
+  const std::size_t mask = (std::size_t{1} << bits) - 1;
+  std::vector<std::int32_t> table(mask + 1, -1), last;  // groups by hash, and the last position so far of each
+  Welded result{std::vector<std::int32_t>(n), {}};
+  for (std::size_t i = 0; i < n; ++i) {
+    std::size_t slot = (key[i] * SPREAD) >> (64 - bits);
+    while (table[slot] >= 0 && key[last[table[slot]]] != key[i]) slot = (slot + 1) & mask;
+    if (table[slot] < 0) {
+      table[slot] = static_cast<std::int32_t>(last.size());
+      last.push_back(0);
+    }
+    last[table[slot]] = static_cast<std::int32_t>(i);
+    result.number[i] = table[slot];
+  }
+  std::vector<std::int32_t> rank(last.size());
+  result.last.reserve(last.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::int32_t group = result.number[i];
+    if (static_cast<std::size_t>(last[group]) != i) continue;
+    rank[group] = static_cast<std::int32_t>(result.last.size());
+    result.last.push_back(static_cast<std::int32_t>(i));
+  }
+  for (std::int32_t& number : result.number) number = rank[number];
+  return result;
+}
+
+std::uint64_t key_of(const double (&coordinates)[3]) {
+  std::uint64_t key = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double value = coordinates[axis] + 0.0;  // turns -0.0 into 0.0
+    std::uint64_t bits;
+    std::memcpy(&bits, &value, sizeof bits);
+    key ^= bits << 23;
+    key ^= bits >> 41;
+    key *= FACTORS[axis];
+    key ^= key >> 29;
+  }
+  key *= FACTORS[3];
+  return key ^ (key >> 32);
+}
+
+// Returns the component of each item, numbered by the lowest item. Source: Galler and Fischer 1964, "An improved
+// equivalence algorithm", with the lowest item as root.
+std::vector<std::int64_t> label(const std::int32_t* one, const std::int32_t* other, std::size_t n_links, std::size_t n) {
+  std::vector<std::int32_t> parent(n);
+  std::iota(parent.begin(), parent.end(), 0);
+  const auto root_of = [&](std::int32_t item) {
+    while (parent[item] != item) item = parent[item] = parent[parent[item]];
+    return item;
+  };
+  for (std::size_t i = 0; i < n_links; ++i) {
+    const std::int32_t a = root_of(one[i]), b = root_of(other[i]);
+    parent[std::max(a, b)] = std::min(a, b);
+  }
+  std::vector<std::int64_t> result(n);
+  std::int64_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::int32_t above = parent[i];  // a lower item, which has its number already
+    result[i] = static_cast<std::size_t>(above) == i ? count++ : result[above];
+  }
+  return result;
+}
+
+}  // namespace
+
+PyObject* coordinate_keys(PyObject*, PyObject* arguments) {
+  PyObject* objects[3];
+  if (!PyArg_ParseTuple(arguments, "OOO:coordinate_keys", &objects[0], &objects[1], &objects[2])) return nullptr;
+  const Numbers x(objects[0]), y(objects[1]), z(objects[2]);
+  if (!z.valid()) return nullptr;
+  std::vector<std::uint64_t> result;
+  const bool succeeded = run([&] {
+    if (!x.is_whole() || !y.is_whole() || !z.is_whole() || x.size() != y.size() || y.size() != z.size())
+      throw Invalid{"the coordinates do not match"};
+    result.reserve(x.size());
+    for (std::size_t i = 0; i < x.size(); ++i)
+      result.push_back(key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
+  });
+  return succeeded ? to_bytes(result) : nullptr;
+}
+
+PyObject* label_components(PyObject*, PyObject* arguments) {
+  PyObject *one_object, *other_object;
+  Py_ssize_t n;
+  if (!PyArg_ParseTuple(arguments, "OOn:label_components", &one_object, &other_object, &n)) return nullptr;
+  const Elements<const std::int32_t> one(one_object), other(other_object);
+  if (!other.valid()) return nullptr;
+  std::vector<std::int64_t> result;
+  const bool succeeded = run([&] {
+    if (!one.is_whole() || !other.is_whole() || one.size() != other.size()) throw Invalid{"the links do not match"};
+    if (n < 0 || n > std::numeric_limits<std::int32_t>::max()) throw Invalid{"there are too many items"};
+    for (const auto* items : {&one, &other})
+      for (std::size_t i = 0; i < items->size(); ++i)
+        if (items->data()[i] < 0 || items->data()[i] >= n) throw Invalid{"a link has an item that does not exist"};
+    result = label(one.data(), other.data(), one.size(), static_cast<std::size_t>(n));
+  });
+  return succeeded ? to_bytes(result) : nullptr;
+}
+
+PyObject* weld_keys(PyObject*, PyObject* keys) {
+  const Elements<const std::uint64_t> key(keys);
+  if (!key.valid()) return nullptr;
+  Welded result;
+  const bool succeeded = run([&] {
+    if (!key.is_whole()) throw Invalid{"a key does not have 64 bits"};
+    if (key.size() > std::numeric_limits<std::int32_t>::max()) throw Invalid{"there are too many keys"};
+    result = weld(key.data(), key.size());
+  });
+  return succeeded ? to_tuple(result.number, result.last) : nullptr;
+}
