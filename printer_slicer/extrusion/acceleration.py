@@ -41,14 +41,21 @@ def move_accelerations(program: Program, printer: Printer, first: int, last: int
     events = [event for event in program.events if isinstance(event, Acceleration)]
     if not events:
         return None
-    at = np.searchsorted([event.index for event in events], np.arange(first, last), side="right")
-    set_by_then = np.array([printer.acceleration, *(event.value for event in events)])[at]
+    change = np.clip([event.index for event in events], first, last)
+    acceleration = np.repeat(
+        np.array([printer.acceleration, *(event.value for event in events)], np.float64),
+        np.diff(change, prepend=first, append=last),
+    )
     if printer.firmware.has_single_acceleration:
-        return set_by_then
-    moves = (program.xyz[first:last] != program.start[first:last]).any(axis=1)
+        return acceleration
+    moves = np.ones(last - first, np.bool_)
+    xyz = program.xyz[first:last]
+    moves[:1] = (xyz[:1] != (program.xyz[first - 1] if first else program.origin)).any(axis=1)
+    (xyz[1:] != xyz[:-1]).any(axis=1, out=moves[1:])
     feeds = program.filament[first:last] != 0
-    others = np.where(feeds, printer.retract_acceleration, printer.travel_acceleration)
-    return np.where(moves & feeds, set_by_then, others)
+    others = np.flatnonzero(~(moves & feeds))
+    acceleration[others] = np.where(feeds[others], printer.retract_acceleration, printer.travel_acceleration)
+    return acceleration
 
 
 def _role_accelerations(profile: Profile) -> Float:

@@ -11,8 +11,8 @@ from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.model import Program
 from printer_slicer.motion.blocks import MotionLimits
+from printer_slicer.motion.durations import MOVES_PER_BATCH, RequestedMoves, compute_durations_of_batches
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.motion.vectorized import compute_durations
 from printer_slicer.profile import Profile
 
 __all__ = ["copy_times", "move_seconds", "retime_moves"]
@@ -58,14 +58,29 @@ def retime_moves(
 
 def _compute_seconds(program: Program, speed: Float, profile: Profile, first: int, last: int) -> Float:
     """Return the times (n,) of the moves from `first` up to `last` at speeds (K,), as if there were no other moves."""
+    acceleration = move_accelerations(program, profile.printer, first, last)
+    batches = (
+        RequestedMoves(
+            _list_deltas(program, begin, end),
+            speed[begin:end],
+            None if acceleration is None else acceleration[begin - first : end - first],
+            None,
+        )
+        for begin, end in _split_into_batches(first, last)
+    )
+    return compute_durations_of_batches(batches, last - first, limits_of(profile.printer))
+
+
+def _split_into_batches(first: int, last: int) -> list[tuple[int, int]]:
+    """Split the moves from `first` up to `last` into batches; return the first move and the end of each."""
+    return [(begin, min(begin + MOVES_PER_BATCH, last)) for begin in range(first, last, MOVES_PER_BATCH)]
+
+
+def _list_deltas(program: Program, first: int, last: int) -> Float:
+    """Return the travel (n, 4) in x, y, z and e of the moves from `first` up to `last`, mm."""
     xyz = program.xyz[first:last]
     delta = np.zeros((len(xyz), 4))
     np.subtract(xyz[:1], program.xyz[first - 1] if first else program.origin, out=delta[:1, :3])
     np.subtract(xyz[1:], xyz[:-1], out=delta[1:, :3])
     delta[:, 3] = program.filament[first:last]
-    return compute_durations(
-        delta,
-        speed[first:last],
-        limits_of(profile.printer),
-        acceleration=move_accelerations(program, profile.printer, first, last),
-    )
+    return delta

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.motion.durations import RequestedMoves, Stopwatch
 from printer_slicer.motion.rules import Axes, MotionLimits
-from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch
 from printer_slicer.values import Struct, replace
 
 __all__ = ["Moves", "Timer", "apply_limit_change", "choose_accelerations"]

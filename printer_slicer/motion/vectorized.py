@@ -31,11 +31,8 @@ __all__ = [
     "FLOW_WINDOW",
     "Blocks",
     "CruiseLimits",
-    "RequestedMoves",
     "SpeedProfile",
-    "Stopwatch",
     "accumulate_with_limit",
-    "compute_durations",
     "compute_ramp_times",
     "compute_squared_corner_speeds",
     "compute_volumetric_flow",
@@ -82,37 +79,6 @@ class Blocks(Struct, frozen=True, eq=False):
         return cls(length, _NO_DIRECTIONS, speed, acceleration, share)
 
 
-def compute_durations(
-    delta: Float,
-    speed: Float,
-    limits: MotionLimits,
-    *,
-    stop_after: Bool | None = None,
-    acceleration: Float | None = None,
-) -> Float:
-    """Return the time of each move on a machine with unlimited look-ahead.
-
-    A firmware looks ahead only `limits.planner_blocks` moves and is slower for very short moves; `rules.Lookahead`
-    models that.
-
-    Args:
-        delta: (K, 4) travel in x, y, z, e, mm. Zero moves take no time and make no corner.
-        speed: (K,) requested speed, mm/s along x, y, z; along e if only e moves.
-        limits: motion limits of the machine.
-        stop_after: (K,) whether the machine stops after the move; it always stops after the last.
-        acceleration: (K,) requested acceleration, mm/s², instead of the three accelerations of `limits`.
-
-    Returns:
-        (K,) s.
-    """
-    planned = plan_speeds(delta, speed, limits, stop_after=stop_after, acceleration=acceleration)
-    seconds = np.zeros(len(delta))
-    for first in range(0, len(planned.moving), _MOVES_AT_ONCE):
-        here = slice(first, first + _MOVES_AT_ONCE)
-        seconds[planned.moving[here]] = planned.times(here)
-    return seconds
-
-
 class SpeedProfile(Struct, frozen=True, eq=False):
     """Planned speeds at the corners of B blocks.
 
@@ -135,6 +101,14 @@ class SpeedProfile(Struct, frozen=True, eq=False):
         first, last, _ = which.indices(len(self.moving))
         tops = self.smoothed.tops[which] if self.smoothed else np.full(last - first, np.inf)
         return compute_ramp_times(self.blocks.take_slice(which), self.squares[first : last + 1], tops)
+
+    def move_times(self, n_moves: int, n_blocks: int) -> Float:
+        """Return the times (n_moves,) of the first moves, s, which contain the first `n_blocks` blocks."""
+        seconds = np.zeros(n_moves)
+        for first in range(0, n_blocks, _MOVES_AT_ONCE):
+            here = slice(first, min(first + _MOVES_AT_ONCE, n_blocks))
+            seconds[self.moving[here]] = self.times(here)
+        return seconds
 
     def count_final(self) -> int:
         """Return the number of blocks at the start whose times stay the same, whatever moves are added later.
@@ -439,82 +413,6 @@ def compute_ramp_times(blocks: Blocks, squares: Float, tops: Float) -> Float:
     peak = np.sqrt(entry * entry + twice * up)
     triangle = 2.0 * up / (entry + peak) + 2.0 * (length - up) / (exit_ + peak)
     return np.where(reaches, trapezoid, triangle)
-
-
-class RequestedMoves(Struct, frozen=True, eq=False):
-    """Requested moves: delta (K, 4), mm; speed (K,); acceleration (K,); whether the machine stops afterwards (K,)."""
-
-    delta: Float
-    speed: Float
-    acceleration: Float
-    stop: Bool
-
-    def take_slice(self, which: slice) -> RequestedMoves:
-        """Return a slice of the moves."""
-        return RequestedMoves(
-            self.delta[which], self.speed[which], self.acceleration[which], self.stop[which]
-        )
-
-    def append_moves(self, moves: RequestedMoves) -> RequestedMoves:
-        """Return these moves followed by `moves`."""
-        return RequestedMoves(
-            np.concatenate([self.delta, moves.delta]),
-            np.concatenate([self.speed, moves.speed]),
-            np.concatenate([self.acceleration, moves.acceleration]),
-            np.concatenate([self.stop, moves.stop]),
-        )
-
-
-class Stopwatch:
-    """Adds up the time of moves that arrive in blocks, on a machine with unlimited look-ahead.
-
-    The time of a move depends on later moves only up to the point where the machine could stop before the last known
-    move. Times before that point are final: they are added and their moves dropped. The other moves are kept.
-
-    Args:
-        limits: motion limits of the machine; may be replaced while it rests.
-    """
-
-    def __init__(self, limits: MotionLimits) -> None:
-        self.limits = limits
-        self._seconds = 0.0
-        self._waiting: RequestedMoves | None = None
-        self._entry = (0.0, 0.0)
-
-    @property
-    def n_waiting(self) -> int:
-        """Number of moves whose time is not final yet."""
-        return len(self._waiting.speed) if self._waiting else 0
-
-    def add(self, moves: RequestedMoves) -> None:
-        """Add moves; sum up the times that no later move can change."""
-        moves = self._waiting.append_moves(moves) if self._waiting else moves
-        planned = self._plan(moves)
-        known = planned.count_final()
-        if known:
-            self._seconds += float(planned.times(slice(known)).sum())
-            smooth = planned.smoothed.squares[known] if planned.smoothed else 0.0
-            self._entry = float(planned.squares[known]), float(smooth)
-            moves = moves.take_slice(np.s_[int(planned.moving[known]) :])
-        self._waiting = moves
-
-    def stop_and_sum(self) -> float:
-        """Stop the machine after the last move; return the total time of all moves so far, s."""
-        if self._waiting:
-            self._seconds += float(self._plan(self._waiting).times(slice(None)).sum())
-        self._waiting, self._entry = None, (0.0, 0.0)
-        return self._seconds
-
-    def _plan(self, moves: RequestedMoves) -> SpeedProfile:
-        """Plan the speeds of the moves that are not final, as if no more moves followed."""
-        return plan_speeds(
-            moves.delta,
-            moves.speed,
-            self.limits,
-            stop_after=moves.stop,
-            acceleration=moves.acceleration,
-            entry=self._entry,
-        )
 
 
 FLOW_WINDOW = 0.2

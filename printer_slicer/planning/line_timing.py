@@ -14,8 +14,8 @@ import numpy as np
 
 from printer_slicer.arrays import Float, next_in_ring
 from printer_slicer.geometry import Areas
+from printer_slicer.motion.durations import compute_durations
 from printer_slicer.motion.rules import MotionLimits
-from printer_slicer.motion.vectorized import compute_durations
 from printer_slicer.values import Struct
 
 __all__ = ["InfillRowTimes", "LineMotion", "LineTimes", "time_contours", "time_moves", "time_rows"]

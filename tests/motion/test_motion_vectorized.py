@@ -11,8 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from printer_slicer.motion.durations import (
+    RequestedMoves,
+    Stopwatch,
+    compute_durations,
+    compute_durations_of_batches,
+)
 from printer_slicer.motion.rules import MotionLimits, compute_block_times, compute_ramp_time, make_block
-from printer_slicer.motion.vectorized import RequestedMoves, Stopwatch, compute_durations
+from printer_slicer.motion.vectorized import plan_speeds
 
 MARLIN = MotionLimits(
     max_speed=(300.0, 300.0, 12.0, 50.0),
@@ -203,6 +209,22 @@ def test_a_print_takes_as_long_in_pieces(limits: MotionLimits, stops: float) -> 
     cuts = sorted(rng.integers(0, 5000, 300).tolist())
 
     assert in_pieces(wanted, limits, cuts) == pytest.approx(at_once(wanted, limits), rel=1e-12)
+
+
+@pytest.mark.parametrize("limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}")
+def test_each_move_takes_as_long_in_batches(limits: MotionLimits) -> None:
+    delta, speed = print_like(5000, seed=12)
+    delta[::97] = 0.0
+    wanted = RequestedMoves(delta, speed, None, None)
+    batches = [wanted.take_slice(slice(first, first + 700)) for first in range(0, 5000, 700)]
+    planned = plan_speeds(delta, speed, limits)
+
+    np.testing.assert_allclose(
+        compute_durations_of_batches(batches, 5000, limits),
+        planned.move_times(5000, len(planned.moving)),
+        rtol=1e-12,
+        atol=0,
+    )
 
 
 @given(moves, st.sampled_from(MACHINES), st.lists(st.integers(0, 40)), st.data())
