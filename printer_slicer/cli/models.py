@@ -35,6 +35,8 @@ __all__ = [
     "keep_freed_memory",
     "load_plate",
     "load_repaired_plate",
+    "release_freed_memory",
+    "release_memory_between_stages",
 ]
 
 _SMALLEST_GAP = 0.01  # mm above the bed; a part that starts higher is reported
@@ -46,6 +48,7 @@ _MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
     32 << 20,
 )  # bytes; the maxima of glibc since 2.35 and before
 _MAX_KEPT = 1 << 30  # bytes
+_MAX_FREED = 48 << 20  # bytes of freed memory that are kept between two stages
 
 
 class Plate(Struct, frozen=True, eq=False):
@@ -243,6 +246,38 @@ def keep_freed_memory() -> None:
         if not mallopt(_MMAP_THRESHOLD, _MAX_THRESHOLD):
             mallopt(_MMAP_THRESHOLD, _OLD_MAX_THRESHOLD)
         mallopt(_TRIM_THRESHOLD, _MAX_KEPT)
+
+
+def release_freed_memory() -> None:
+    """Return freed memory to the system if it is much, as between two stages of slicing a large part.
+
+    `keep_freed_memory` keeps it, in holes that the arrays of the next stage may not fit. Only glibc has the functions.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    import ctypes
+
+    class MemoryUse(ctypes.Structure):
+        """The result of mallinfo2(3), whose ninth number is the size of the freed blocks, in bytes."""
+
+        _fields_ = (("before", ctypes.c_size_t * 8), ("freed", ctypes.c_size_t), ("top", ctypes.c_size_t))
+
+    with contextlib.suppress(OSError, AttributeError):
+        library = ctypes.CDLL(None)
+        library.mallinfo2.restype = MemoryUse
+        if library.mallinfo2().freed > _MAX_FREED:
+            library.malloc_trim(0)
+
+
+def release_memory_between_stages(report: StageReport) -> StageReport:
+    """Return a progress report that also returns freed memory to the system when a stage starts."""
+
+    def release_and_report(stage: str) -> None:
+        """Start a stage."""
+        release_freed_memory()
+        report(stage)
+
+    return release_and_report
 
 
 # Settings of 3MF projects

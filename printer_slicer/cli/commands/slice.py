@@ -141,14 +141,14 @@ def run(arguments: Namespace) -> int:
 def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
     """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
     from printer_slicer.cli.facts import collect_slicing_facts
-    from printer_slicer.cli.models import apply_projects, load_plate
+    from printer_slicer.cli.models import apply_projects, load_plate, release_memory_between_stages
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_in_pieces
-    from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
     from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify, read_surface
 
-    with show_stages(arguments) as report:
+    with show_stages(arguments) as show:
+        report = release_memory_between_stages(show)
         report("loading")
         mesh, plate = load_plate(arguments, profile.printer, report)
         profile, plate = apply_projects(arguments, profile, mesh, plate)
@@ -162,9 +162,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
             meshes, profile, placement=plate.placement, report=report, strict=arguments.strict
         )
         program = stage.program
-        unsupported = unsupported_of_program(program, profile)
-        if arguments.strict and "unsupported" not in arguments.allow:
-            _reject_unsupported(stage.part.name, unsupported)
+        unsupported = _find_unsupported(arguments, stage.part.name, program, profile)
         report("writing")
         seconds = float(move_seconds(program, profile).sum())
         if arguments.picture:
@@ -285,6 +283,20 @@ def _list_unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[
         }
         for one in found
     ]
+
+
+def _find_unsupported(
+    arguments: Namespace, name: str, program: Program, profile: Profile
+) -> tuple[UnsupportedExtrusion, ...]:
+    """Return the unsupported extrusion of the part `name`; with --strict, reject it if it is not allowed."""
+    from printer_slicer.cli.models import release_freed_memory
+    from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
+
+    release_freed_memory()
+    found = unsupported_of_program(program, profile)
+    if arguments.strict and "unsupported" not in arguments.allow:
+        _reject_unsupported(name, found)
+    return found
 
 
 def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> None:
