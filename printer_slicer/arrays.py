@@ -12,6 +12,7 @@ __all__ = [
     "Bool",
     "Float",
     "Int",
+    "SmallInt",
     "bounding_boxes",
     "compact_ids",
     "concatenate_pairs",
@@ -31,6 +32,8 @@ __all__ = [
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Bool = NDArray[np.bool_]
+SmallInt = NDArray[np.signedinteger]
+"""Signed integers of any width."""
 _Number = TypeVar("_Number", np.int64, np.float64)
 
 

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Int
+from printer_slicer.arrays import Bool, SmallInt
 from printer_slicer.deprecation import RenamedMembers
 from printer_slicer.values import Struct
 
@@ -160,6 +160,6 @@ def roles_with(
     return np.array([all(getattr(row, name) == value for name, value in wanted.items()) for row in ROLES])
 
 
-def is_perimeter(role: Int) -> Bool:
+def is_perimeter(role: SmallInt) -> Bool:
     """Return whether each role (n,) of a path is a perimeter; only moves, not paths, have OVERHANG_PERIMETER."""
     return np.asarray((role == Role.EXTERNAL_PERIMETER) | (role == Role.PERIMETER))

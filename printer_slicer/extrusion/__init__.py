@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Float, SmallInt
 from printer_slicer.extrusion.acceleration import acceleration_events
 from printer_slicer.extrusion.cooling import fan_events, slow_small_layers
 from printer_slicer.extrusion.extrusion_values import compute_move_values
@@ -54,14 +54,16 @@ def _make_moves(
     rows = list_moves(paths, travels, profile)
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     values = compute_move_values(paths, rows, diameter, profiles)
-    role = np.where(rows.is_bead, paths.role[rows.path], Role.TRAVEL)
+    path, xyz, is_bead, begin = rows.path, rows.xyz, rows.is_bead, rows.begin
+    del rows  # free memory: its other columns are as long as those of the program
+    role = np.where(is_bead, paths.role.astype(np.int16)[path], np.int16(Role.TRAVEL))
     role[is_perimeter(role) & (values.support_ratio < _OVERHANG_SUPPORT)] = Role.OVERHANG_PERIMETER
-    layer, tool = paths.layer[rows.path], paths.tool[rows.path]
-    on_bed = paths.begins_at(0)[rows.path]
+    layer, tool = paths.layer[path], paths.tool.astype(np.int16)[path]
+    on_bed = paths.begins_at(0)[path]
     program = Program(
         paths.plan,
         origin=np.array([0.0, 0.0, float(paths.plan.top[0]) + APPROACH]),
-        xyz=rows.xyz,
+        xyz=xyz,
         filament=values.filament,
         speed=values.speed,
         layer=layer,
@@ -70,19 +72,19 @@ def _make_moves(
         height=values.height,
         events=(
             *_list_tool_changes(tool),
-            *acceleration_events(role, on_bed, paths.settings_id[rows.path], profiles),
+            *acceleration_events(role, on_bed, paths.settings_id[path], profiles),
         ),
-        z_top=paths.z_top[rows.path],
+        z_top=paths.z_top[path],
         tool=tool,
     )
     if paths.has_arcs:
         centre = np.full((program.n_moves, 2), np.nan)
-        centre[rows.is_bead] = paths.centre[rows.begin]
+        centre[is_bead] = paths.centre[begin]
         program = replace(program, centre=centre)
     return program, values.support_ratio
 
 
-def _list_tool_changes(tool: Int) -> list[ToolChange]:
+def _list_tool_changes(tool: SmallInt) -> list[ToolChange]:
     """Return the tool changes between moves, from the tool (K,) of each move; the first tool is already active."""
     changed = np.flatnonzero(np.diff(tool)) + 1
     return [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, SmallInt
 from printer_slicer.model import Acceleration, Program
 from printer_slicer.profile import Printer, Profile
 from printer_slicer.roles import ROLES, Role
@@ -13,7 +13,7 @@ __all__ = ["acceleration_events", "move_accelerations"]
 
 
 def acceleration_events(
-    role: Int, on_bed: Bool, settings_id: Int, profiles: tuple[Profile, ...]
+    role: SmallInt, on_bed: Bool, settings_id: Int, profiles: tuple[Profile, ...]
 ) -> tuple[Acceleration, ...]:
     """Return the changes of acceleration between moves; none if all moves have the printer's acceleration.
 
@@ -24,12 +24,15 @@ def acceleration_events(
         profiles: the profiles.
     """
     profile = profiles[0]
+    of_role = np.stack([_role_accelerations(one) for one in profiles])
+    first, usual = profile.accelerations.first_layer, profile.printer.acceleration
+    if (of_role == usual).all() and first in {0, usual}:
+        return ()
     beads = np.flatnonzero(role != Role.TRAVEL)
-    acceleration = np.stack([_role_accelerations(one) for one in profiles])[settings_id[beads], role[beads]]
-    first = profile.accelerations.first_layer
+    acceleration = of_role[settings_id[beads], role[beads]]
     if first:
         acceleration = np.where(on_bed[beads], first, acceleration)
-    change = np.flatnonzero(np.diff(acceleration, prepend=profile.printer.acceleration) != 0)
+    change = np.flatnonzero(np.diff(acceleration, prepend=usual) != 0)
     return tuple(
         Acceleration(index, value)
         for index, value in zip(beads[change].tolist(), acceleration[change].tolist(), strict=True)

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, SmallInt
 from printer_slicer.extrusion.extrusion_values import SUPPORT_RATIOS
 from printer_slicer.extrusion.timing import move_seconds, retime_moves
 from printer_slicer.model import Event, Fan, Program
@@ -20,7 +20,7 @@ _MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down shor
 _ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
-_SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES])
+_SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES], np.int8)
 
 
 def slow_small_layers(program: Program, profile: Profile) -> Program:
@@ -44,9 +44,12 @@ def _slow_down(
     speed, seconds = motion
     least, layer = profile.material.min_layer_time, program.layer
     for _ in range(_MAX_ROUNDS):
-        total, slowable = (np.bincount(layer, weights=part) for part in (seconds, seconds * may_slow))
+        total = np.bincount(layer, weights=seconds)
+        slowable = np.bincount(layer, weights=seconds * may_slow)
         room = least - (total - slowable)
         short = (total < least * _ENOUGH_RATIO) & (slowable > 0)
+        if not short.any():
+            break
         factor = np.where(short, slowable / np.maximum(room, 1e-9), 1.0)[layer]
         slower = np.where(may_slow & (factor < 1), np.maximum(speed * factor, floor), speed)
         changed = slower < speed * _ENOUGH_RATIO
@@ -99,14 +102,14 @@ def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
     )
 
 
-def _take_from_next_extrusion(role: Int, values: Float, default: float) -> Float:
+def _take_from_next_extrusion(role: SmallInt, values: Float, default: float) -> Float:
     """Give each move (K,) the value of the next extrusion; extrusions keep their own value."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
     return np.asarray(np.append(values, default)[following])
 
 
-def _is_next_extrusion_selected(role: Int, selected: Bool) -> Bool:
+def _is_next_extrusion_selected(role: SmallInt, selected: Bool) -> Bool:
     """Return whether the next extrusion of each move (K,) is selected."""
     is_bead = role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]

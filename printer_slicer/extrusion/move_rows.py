@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, SmallInt
 from printer_slicer.extrusion.wiping import Wipes, find_wipes
 from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
@@ -37,7 +37,7 @@ class MoveRows(Struct, frozen=True, eq=False):
     """
 
     path: Int
-    kind: Int
+    kind: SmallInt
     xyz: Float
     pulled: Float
     begin: Int
@@ -55,7 +55,7 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
     ends = _find_travel_ends(paths, travels, profile)
     count = _count_moves(paths, travels, wipes, ends)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
-    kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1), paths.n_paths), count.ravel())
+    kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1, dtype=np.int8), paths.n_paths), count.ravel())
     begin, end = paths.ends_of_beads
     # A sudden change of width repeats a point, and G-code is written in steps of 1 µm.
     far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST_EXTRUSION
@@ -73,7 +73,7 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
     pulled[kind == MoveKind.DERETRACT] = printer.retract_length + printer.deretract_extra
     return MoveRows(
         np.append(path, path[-1]),
-        np.append(kind, MoveKind.RETRACT),
+        np.append(kind, kind.dtype.type(MoveKind.RETRACT)),
         np.concatenate([xyz, xyz[-1:]]),
         np.append(pulled, -printer.retract_length),
         begin,
@@ -128,7 +128,7 @@ def _count_moves(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _Travel
 
 
 def _compute_positions(
-    paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds, moves: tuple[Int, Int, Int]
+    paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds, moves: tuple[Int, SmallInt, Int]
 ) -> Float:
     """Return the end position (K, 3) of each move, mm, given its path, its kind, and the last point of extrusions."""
     path, kind, end = moves
@@ -154,7 +154,7 @@ def _compute_positions(
     return xyz
 
 
-def _move_retractions(xyz: Float, kind: Int) -> Float:
+def _move_retractions(xyz: Float, kind: SmallInt) -> Float:
     """Move retractions to the actual nozzle position, which differs where a very short last extrusion is dropped."""
     pulls = np.flatnonzero(kind == MoveKind.RETRACT)
     pulls = pulls[pulls > 0]
@@ -162,7 +162,7 @@ def _move_retractions(xyz: Float, kind: Int) -> Float:
     return xyz
 
 
-def _turn_lifts_into_ramps(xyz: Float, path: Int, kind: Int, travels: Travels) -> Float:
+def _turn_lifts_into_ramps(xyz: Float, path: Int, kind: SmallInt, travels: Travels) -> Float:
     """Change lifts into ramps: the nozzle rises during the travel."""
     lift = np.flatnonzero((kind == MoveKind.LIFT) & travels.retract[path])
     lift = lift[(lift > 0) & (lift + 1 < len(xyz))]

@@ -13,6 +13,7 @@ from printer_slicer.arrays import (
     Bool,
     Float,
     Int,
+    SmallInt,
     consecutive,
     distinct,
     frozen_array,
@@ -401,7 +402,7 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
         filament: (K,) mm of filament fed during the move; negative retracts.
         speed: (K,) mm/s along the path; along the filament for moves of the extruder alone.
         layer: (K,) layer index, ascending.
-        role: (K,) `Role` of each move; TRAVEL for every move that does not extrude.
+        role: (K,) `Role` of each move, as int16; TRAVEL for every move that does not extrude.
         width: (K,) mean extrusion width, mm; 0 for TRAVEL.
         height: (K,) height of the extrusion, mm; 0 for TRAVEL.
         centre: (K, 2) mm, centre of the arc of which the move is a chord; chords of one arc are consecutive. nan
@@ -409,7 +410,7 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
         events: changes of fan, heaters, accelerations and tools, by ascending index.
         z_top: (K,) z at which the nozzle prints the path of the move, or for a travel the next path, mm. Default: the
             top of the layer.
-        tool: (K,) index in `Profile.extruders` of the extruder in use. Default 0.
+        tool: (K,) index in `Profile.extruders` of the extruder in use, as int16. Default 0.
     """
 
     plan: LayerPlan
@@ -418,18 +419,18 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     filament: Float
     speed: Float
     layer: Int
-    role: Int
+    role: SmallInt
     width: Float
     height: Float
     events: tuple[Event, ...] = ()
     centre: Float = field(default_factory=lambda: _NOT_GIVEN)
     z_top: Float = field(default_factory=lambda: _NOT_GIVEN)
-    tool: Int = field(default_factory=lambda: _NO_NUMBERS)
+    tool: SmallInt = field(default_factory=lambda: _NO_NUMBERS)
 
     def __post_init__(self) -> None:
         n_moves = len(self.xyz)
         if self.tool is _NO_NUMBERS:
-            force_setattr(self, "tool", np.zeros(n_moves, np.int64))
+            force_setattr(self, "tool", np.zeros(n_moves, np.int16))
         if self.z_top is _NOT_GIVEN:
             force_setattr(self, "z_top", self.plan.top[self.layer])
         if self.centre is _NOT_GIVEN:
@@ -440,12 +441,12 @@ class Program(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
             ("filament", np.float64, (n_moves,)),
             ("speed", np.float64, (n_moves,)),
             ("layer", np.int64, (n_moves,)),
-            ("role", np.int64, (n_moves,)),
+            ("role", np.int16, (n_moves,)),
             ("width", np.float64, (n_moves,)),
             ("height", np.float64, (n_moves,)),
             ("centre", np.float64, (n_moves, 2)),
             ("z_top", np.float64, (n_moves,)),
-            ("tool", np.int64, (n_moves,)),
+            ("tool", np.int16, (n_moves,)),
         ):
             if name not in _MAY_BE_DEFAULT or not _is_default(getattr(self, name)):
                 force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
