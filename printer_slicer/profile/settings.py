@@ -397,6 +397,7 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             le=1,
         ),
     ] = 1
+    support_fan: Annotated[float, make_meta("part fan speed on support interfaces", "0-1", ge=0, le=1)] = 1
     fan_off_below: Annotated[
         float, make_meta("height below which the part fan is off", "mm", ge=0, le=100)
     ] = 0.3
