@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
@@ -22,9 +23,18 @@ from printer_slicer.geometry import (
     union,
 )
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.profile import Profile
 from printer_slicer.values import Struct, replace
 
-__all__ = ["Bridges", "find_bridge_angles", "find_bridges", "find_internal_bridges"]
+__all__ = [
+    "Bridges",
+    "bridge_line_gap",
+    "count_supported_ends",
+    "find_bridge_angles",
+    "find_bridges",
+    "find_internal_bridges",
+    "strand_diameter",
+]
 
 _DIRECTIONS = 12  # 15° apart
 _FINER = (-np.pi / 36, np.pi / 36)  # 5° to either side of the best direction are tried too
@@ -37,6 +47,7 @@ _BETTER, _FINELY_BETTER = 0.002, 0.004
 _NEAR = 1e-3  # mm; ends this close to a support count as supported; engines round to 0.01 µm
 # Extrusion widths. A narrower strip is filled along its sides: lines across it would leave it half empty.
 _NARROW = 4
+_STRAND_GAP = 0.05  # mm between bridge lines; touching round strands would push each other aside
 
 
 class Bridges(Struct, frozen=True, eq=False):
@@ -77,6 +88,18 @@ class Bridges(Struct, frozen=True, eq=False):
         taken = scraps.areas.copy_layers(scrap[order])
         rings, bridge = np.arange(taken.n_rings), own[order][taken.ring_layer]
         return replace(self, areas=union(self.areas, taken.restacked(rings, bridge, self.areas.n_layers)))
+
+
+def strand_diameter(profile: Profile) -> float:
+    """Return the diameter of the lines of thick bridges, mm."""
+    return profile.printer.nozzle_diameter * float(np.sqrt(profile.quality.bridge_flow_ratio))
+
+
+def bridge_line_gap(profile: Profile, height: Float) -> Float:
+    """Return the usual distance (n,) between the lines of bridges on layers of some heights (n,), mm."""
+    if profile.quality.thick_bridges:
+        return np.full(len(height), strand_diameter(profile) + _STRAND_GAP)
+    return bead.spacing(profile.extrusion_width, height)
 
 
 def find_bridges(
@@ -188,7 +211,7 @@ def _choose_better_directions(
 def _score_directions(bridge: Areas, support: Areas, spacing: Float, angle: Float) -> Float:
     """Return a score (P,) for how well lines of one direction are supported in each piece; 0 if none is supported."""
     lines = hatch(bridge, angle=angle, spacing=spacing)
-    carried = _count_supported_ends(lines, hatch(support, angle=angle, spacing=spacing))
+    carried = count_supported_ends(lines, hatch(support, angle=angle, spacing=spacing))
     length, n = lines.length(), bridge.n_layers
     total = np.bincount(lines.layer, weights=length, minlength=n)
     held = np.bincount(lines.layer, weights=length * _WORTH[carried], minlength=n)
@@ -199,7 +222,7 @@ def _score_directions(bridge: Areas, support: Areas, spacing: Float, angle: Floa
     return np.where(held > 0, held / np.maximum(total, 1e-9) + _POSITIVE - _SHORTER * sagging, 0.0)
 
 
-def _count_supported_ends(lines: Lines, support: Lines) -> Int:
+def count_supported_ends(lines: Lines, support: Lines) -> Int:
     """Return the number of ends (S,) of each line that lie on a support line of the same row: 0, 1 or 2."""
     if support.n_lines == 0 or lines.n_lines == 0:
         return np.zeros(lines.n_lines, np.int64)

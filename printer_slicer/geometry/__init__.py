@@ -23,7 +23,7 @@ from printer_slicer.geometry.engine import (
     window_intersection,
     window_intersections,
 )
-from printer_slicer.geometry.hatching import chain_rows, hatch, row_ends
+from printer_slicer.geometry.hatching import HatchGrids, chain_rows, hatch, hatch_evenly, row_ends
 from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.polygons import Polygons
@@ -35,6 +35,7 @@ from printer_slicer.geometry.sweeping import sweep_areas
 __all__ = [
     "Areas",
     "ConnectedAreas",
+    "HatchGrids",
     "Lines",
     "Polygons",
     "Polylines",
@@ -49,6 +50,7 @@ __all__ = [
     "difference",
     "find_enclosing_rings",
     "hatch",
+    "hatch_evenly",
     "intersection",
     "normalize",
     "offset",

@@ -1,4 +1,4 @@
-"""Parallel lines across the areas of a whole stack, and their joining into zigzags."""
+"""Parallel lines across the areas of a whole stack, at given or at even distances, and their joining into zigzags."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, consecutive, per_layer
 from printer_slicer.geometry.areas import Areas, Lines
 from printer_slicer.geometry.connectivity import find_chain_ends
+from printer_slicer.geometry.engine import offset
+from printer_slicer.values import Struct
 
-__all__ = ["chain_rows", "find_columns", "hatch", "row_ends"]
+__all__ = ["HatchGrids", "chain_rows", "find_columns", "hatch", "hatch_evenly", "row_ends"]
+
+_NARROWEST, _WIDEST = 0.7, 1.5  # limits of the row spacing, as a share of the usual spacing
+_INSET = 2e-4  # mm; more than the engine's rounding
 
 
 def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: float | Float = 0.0) -> Lines:
@@ -171,3 +176,51 @@ def _choose_turns(lines: Lines, above: Int, lowest: Int, max_turn: float | Float
     joints = [np.bincount(lowest, weights=mask, minlength=len(lowest)) for mask in possible.T]
     start_backward = (joints[1] > joints[0])[lowest]
     return np.where(start_backward, possible[:, 1], possible[:, 0]), odd ^ start_backward
+
+
+class HatchGrids(Struct, frozen=True, eq=False):
+    """Hatch grids of P pieces, each (P,): angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
+
+    angle: Float
+    step: Float
+    phase: Float
+
+    def clip_rows(self, areas: Areas) -> Lines:
+        """Return the parts of the rows that lie inside the areas (P entries)."""
+        return hatch(areas, angle=self.angle, spacing=self.step, phase=self.phase)
+
+
+def hatch_evenly(areas: Areas, angle: Float, gap: Float) -> tuple[Lines, Areas, Float, HatchGrids]:
+    """Hatch each area with a whole number of rows, whose outermost are half a spacing inside its borders.
+
+    Args:
+        areas: P entries.
+        angle: (P,) radians.
+        gap: (P,) mm, usual distance between rows; it changes to 0.7 to 1.5 of that.
+
+    Returns:
+        Rows, areas of their centre lines (P entries), (P,) distance between rows in mm, and the grid.
+    """
+    low, high = _extents_across(areas, angle)
+    count = np.maximum(np.rint((high - low) / gap), 1)
+    gap = np.clip((high - low) / count, _NARROWEST * gap, _WIDEST * gap)
+    # Centre lines stay half a width inside. The outermost rows would lie on the border, where rounding could lose
+    # them, so they are moved inward a little.
+    area = offset(areas, -gap / 2)
+    first = np.where(count > 1, low + gap / 2 + _INSET, (low + high) / 2)
+    step = np.where(count > 1, (high - low - gap - 2 * _INSET) / np.maximum(count - 1, 1), gap)
+    grid = HatchGrids(angle, step, first / step)
+    return grid.clip_rows(area), area, gap, grid
+
+
+def _extents_across(areas: Areas, angle: Float) -> tuple[Float, Float]:
+    """Return the extent (P,) of each piece perpendicular to its rows: lowest and highest position, mm."""
+    if not areas.n_rings:
+        return np.zeros(areas.n_layers), np.zeros(areas.n_layers)
+    owner = areas.point_layer
+    (x, y), turn = areas.xy.T, angle[owner]
+    across = y * np.cos(turn) - x * np.sin(turn)
+    start = np.searchsorted(owner, np.arange(areas.n_layers)).astype(np.int64)
+    low: Float = np.minimum.reduceat(across, start)
+    high: Float = np.maximum.reduceat(across, start)
+    return low, high

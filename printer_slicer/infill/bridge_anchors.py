@@ -8,32 +8,19 @@ from printer_slicer.arrays import Float, run_starts
 from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
+    HatchGrids,
     Lines,
     difference,
-    hatch,
     offset,
     offset_open,
     row_ends,
 )
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags
-from printer_slicer.values import Struct
 
-__all__ = ["HatchGrids", "join_bridge_lines", "measure_extensions"]
+__all__ = ["join_bridge_lines", "measure_extensions"]
 
 _HALF_SLIVER = 0.01  # mm: half the width of gaps that rounding leaves between touching areas
 _SLACK = 1.05  # of the longest extension, because curves are polygons
-
-
-class HatchGrids(Struct, frozen=True, eq=False):
-    """Hatch grids of P pieces, each (P,): angle in radians, row spacing in mm, and phase in rows; see `hatch`."""
-
-    angle: Float
-    step: Float
-    phase: Float
-
-    def clip_rows(self, areas: Areas) -> Lines:
-        """Return the parts of the rows that lie inside the areas (P entries)."""
-        return hatch(areas, angle=self.angle, spacing=self.step, phase=self.phase)
 
 
 def join_bridge_lines(rows: Lines, extension: Float, gap: Float, angle: Float) -> Zigzags:

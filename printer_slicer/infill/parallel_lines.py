@@ -11,12 +11,12 @@ from printer_slicer.geometry import (
     ConnectedAreas,
     Lines,
     difference,
-    offset,
+    hatch_evenly,
     offset_open,
     split_connected,
     unite_row_rectangles,
 )
-from printer_slicer.infill.bridge_anchors import HatchGrids, join_bridge_lines, measure_extensions
+from printer_slicer.infill.bridge_anchors import join_bridge_lines, measure_extensions
 from printer_slicer.infill.connections import MAX_CONNECTION, Zigzags, join_rows
 from printer_slicer.infill.variable_width import fill_gaps
 from printer_slicer.model import LayerPlan, Toolpaths
@@ -26,8 +26,6 @@ from printer_slicer.values import Struct
 
 __all__ = ["RowSettings", "fill_with_rows"]
 
-_NARROWEST, _WIDEST = 0.7, 1.5  # limits of the row spacing, as a share of the usual spacing
-_INSET = 2e-4  # mm; more than the geometry's rounding
 _CONNECTION_RATIO = 1 / 3  # width of connections as a share of the row width; at least as wide as high
 _HALF_SLIT = 0.06  # mm, half the width of gaps that close when extrusions are pressed flat
 _LEAST_GAP_AREA = 0.08  # mm²; smaller gaps are not worth a stop
@@ -61,7 +59,7 @@ def fill_with_rows(
     Bridge lines start and end in the walls around `inside`, if given.
     """
     overlap = _end_overlap(plan, pieces, beads, profile)
-    rows, area, gap, grid = _hatch_pieces(pieces, beads)
+    rows, area, gap, grid = hatch_evenly(pieces.areas, beads.angle, beads.gap)
     shortest = np.minimum(gap, profile.extrusion_width) / 2
     if beads.width.any():  # bridge lines have a constant width
         if inside is None:
@@ -112,20 +110,6 @@ def _end_overlap(plan: LayerPlan, pieces: ConnectedAreas, beads: RowSettings, pr
     perimeter = bead.spacing(wide, plan.height)[pieces.layer]
     share = np.where(beads.role == Role.IRONING, 0.0, profile.quality.infill_overlap)
     return np.asarray(share * (perimeter + beads.gap) / 2)
-
-
-def _hatch_pieces(pieces: ConnectedAreas, beads: RowSettings) -> tuple[Lines, Areas, Float, HatchGrids]:
-    """Hatch pieces: return rows, areas of their centre lines (P entries), (P,) row spacing in mm, and the grid."""
-    low, high = _extents_across(pieces.areas, beads.angle)
-    count = np.maximum(np.rint((high - low) / beads.gap), 1)
-    gap = np.clip((high - low) / count, _NARROWEST * beads.gap, _WIDEST * beads.gap)
-    # Centre lines stay half a width inside. The outermost rows would lie on the border, where rounding could lose
-    # them, so they are moved inward a little.
-    area = offset(pieces.areas, -gap / 2)
-    first = np.where(count > 1, low + gap / 2 + _INSET, (low + high) / 2)
-    step = np.where(count > 1, (high - low - gap - 2 * _INSET) / np.maximum(count - 1, 1), gap)
-    grid = HatchGrids(beads.angle, step, first / step)
-    return grid.clip_rows(area), area, gap, grid
 
 
 def _drop_short_lines(lines: Zigzags, shortest: Float) -> Zigzags:
@@ -186,16 +170,3 @@ def _rows_area(rows: Lines, area: Areas, angle: Float, gap: Float) -> Areas:
     return unite_row_rectangles(
         rows, rows.u + beyond * np.array([-1, 1]), angle=angle, half=gap / 2, n_layers=area.n_layers
     )
-
-
-def _extents_across(areas: Areas, angle: Float) -> tuple[Float, Float]:
-    """Return the extent (P,) of each piece perpendicular to its rows: lowest and highest position, mm."""
-    if not areas.n_rings:
-        return np.zeros(areas.n_layers), np.zeros(areas.n_layers)
-    owner = areas.point_layer
-    (x, y), turn = areas.xy.T, angle[owner]
-    across = y * np.cos(turn) - x * np.sin(turn)
-    start = np.searchsorted(owner, np.arange(areas.n_layers)).astype(np.int64)
-    low: Float = np.minimum.reduceat(across, start)
-    high: Float = np.maximum.reduceat(across, start)
-    return low, high

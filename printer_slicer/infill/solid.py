@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
+from printer_slicer.bridges import bridge_line_gap, strand_diameter
 from printer_slicer.geometry import ConnectedAreas, split_connected
 from printer_slicer.infill.parallel_lines import RowSettings, fill_with_rows
 from printer_slicer.infill.thin_solid import thin_solid_paths
@@ -15,8 +16,6 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 
 __all__ = ["solid_paths"]
-
-_STRAND_GAP = 0.05  # mm between bridge lines; touching round strands would push each other aside
 
 
 def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
@@ -73,8 +72,8 @@ def _fill_bridges(regions: Regions, profile: Profile) -> list[Toolpaths]:
     angle[pieces.of_ring] = regions.bridge_angle
     beads = _make_row_settings(plan, pieces, _repeat_role(pieces, Role.BRIDGE), angle, profile)
     if quality.thick_bridges:
-        thread = np.full(pieces.count, profile.printer.nozzle_diameter * np.sqrt(quality.bridge_flow_ratio))
-        beads = RowSettings(beads.role, angle, thread + _STRAND_GAP, thread, thread)
+        thread = np.full(pieces.count, strand_diameter(profile))
+        beads = RowSettings(beads.role, angle, bridge_line_gap(profile, beads.height), thread, thread)
     else:
         beads = _with_flow_ratio(beads, quality.bridge_flow_ratio, profile)
     walled = regions.inside if quality.perimeters and regions.inside.n_rings else None
