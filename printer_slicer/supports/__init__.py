@@ -1,0 +1,7 @@
+"""Supports: what hangs, and the structures that carry it."""
+
+from __future__ import annotations
+
+from printer_slicer.supports.hanging import find_overhangs
+
+__all__ = ["find_overhangs"]

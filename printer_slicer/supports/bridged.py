@@ -1,0 +1,103 @@
+"""Find what bridges carry: areas under lines that are supported at both ends.
+
+Two kinds of lines are tested: those of bridge regions, in the rows in which infill lays them, and external perimeters.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool
+from printer_slicer.bridges import bridge_line_gap, count_supported_ends
+from printer_slicer.geometry import (
+    Areas,
+    Lines,
+    Polylines,
+    depths,
+    hatch_evenly,
+    normalize,
+    offset,
+    outlines_within,
+    split_connected,
+    stroke_lines,
+    unite_row_rectangles,
+)
+from printer_slicer.model import Regions
+from printer_slicer.profile import Profile
+
+__all__ = ["find_bridged"]
+
+_WALLS = 2.5  # extrusion widths beside bridge lines that their outermost ones carry
+_SHORT = 1.0  # extrusion widths by which a row may end before the support; its end extends into the wall
+_ALLOWED = 0.01  # mm by which spans may be longer, because areas are rounded
+_BEND = 1.01  # length of a perimeter over the distance of its ends; a longer one turns and hangs
+
+
+def find_bridged(air: Areas, below: Areas, solid: Areas, regions: Regions, profile: Profile) -> Areas:
+    """Return the areas that lines carry which are supported at both ends; they may reach beyond `air`.
+
+    Args:
+        air: part of each section outside the section below, on the layers to be tested.
+        below: section below each layer.
+        solid: section of each layer.
+        regions: bridges and their directions.
+        profile: `quality.support_max_bridge` limits the free length of lines.
+    """
+    longest = profile.quality.support_max_bridge
+    if not longest or not air.n_rings:
+        return Areas.empty(air.n_layers)
+    return normalize(
+        _cover_bridge_lines(air, below, regions, profile).merge(_cover_perimeters(air, below, solid, profile))
+    )
+
+
+def _cover_bridge_lines(air: Areas, below: Areas, regions: Regions, profile: Profile) -> Areas:
+    """Return the area under bridge lines that are supported at both ends, and under the walls beside them."""
+    here = air.used[regions.bridge.ring_layer]
+    pieces = split_connected(regions.bridge.select(here))
+    if not pieces.count:
+        return Areas.empty(air.n_layers)
+    angle = np.zeros(pieces.count)
+    angle[pieces.of_ring] = regions.bridge_angle[here]
+    usual = bridge_line_gap(profile, regions.plan.height[pieces.layer])
+    rows, _, gap, grid = hatch_evenly(pieces.areas, angle, usual)
+    spans = grid.clip_rows(pieces.select_nearby_rings(air))
+    supported = count_supported_ends(spans, grid.clip_rows(pieces.select_nearby_rings(below))) == 2
+    short = spans.length() <= profile.quality.support_max_bridge + _ALLOWED
+    covered = _are_covered(spans, rows, _SHORT * profile.extrusion_width)
+    held = spans.take(np.flatnonzero(supported & short & covered))
+    area = unite_row_rectangles(held, held.u, angle=angle, half=gap / 2, n_layers=pieces.count)
+    area = offset(area, _WALLS * profile.extrusion_width)
+    return area.restacked(np.arange(area.n_rings), pieces.layer[area.ring_layer], air.n_layers)
+
+
+def _are_covered(spans: Lines, rows: Lines, tolerance: float) -> Bool:
+    """Return a mask (S,) of spans along which a row of the same piece and number runs, up to a tolerance in mm."""
+    if not (spans.n_lines and rows.n_lines):
+        return np.zeros(spans.n_lines, np.bool_)
+    number = np.concatenate([spans.row, rows.row])
+    u = np.concatenate([spans.u, rows.u])
+    low, pitch = float(u.min()) - 1.0, float(np.ptp(u)) + 2.0
+    place = np.concatenate([spans.layer, rows.layer]) * (np.ptp(number) + 1) + number - number.min()
+    key = place[:, None] * pitch + (u - low)
+    own, other = key[: spans.n_lines], key[spans.n_lines :]
+    at = np.maximum(np.searchsorted(other[:, 0], own.mean(axis=1), side="right") - 1, 0)
+    reaches = (other[at, 0] <= own[:, 0] + tolerance) & (other[at, 1] >= own[:, 1] - tolerance)
+    return np.asarray(reaches)
+
+
+def _cover_perimeters(air: Areas, below: Areas, solid: Areas, profile: Profile) -> Areas:
+    """Return the area under perimeters that run straight from support to support, as in narrow walls."""
+    count, width = profile.quality.perimeters, profile.extrusion_width
+    if not count:
+        return Areas.empty(air.n_layers)
+    runs = Polylines.of(*outlines_within(offset(solid.of_layers(air.used), -width / 2), air))
+    length, ends = runs.length(), np.stack([runs.xy[runs.start[:-1]], runs.xy[runs.start[1:] - 1]])
+    way = ends[1] - ends[0]
+    chord = np.maximum(np.hypot(*way.T), _ALLOWED)
+    straight = (length <= _BEND * chord) & (length <= profile.quality.support_max_bridge + _ALLOWED)
+    beyond = width * way / chord[:, None]
+    held = [depths(below, points, runs.layer, width) > 0 for points in (ends[0] - beyond, ends[1] + beyond)]
+    held_runs = runs.take(np.flatnonzero(straight & held[0] & held[1]))
+    radius = np.full(held_runs.n_lines, (count + 0.5) * width)
+    return stroke_lines(held_runs.xy, held_runs.start, held_runs.layer, radius, air.n_layers)

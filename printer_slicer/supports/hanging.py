@@ -1,0 +1,56 @@
+"""Find what hangs: slopes that are flatter than the threshold, islands and tails, without what bridges carry."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Int
+from printer_slicer.geometry import Areas, difference, intersection, union
+from printer_slicer.model import Overhangs, Regions, Sections
+from printer_slicer.profile import Profile
+from printer_slicer.supports.bridged import find_bridged
+from printer_slicer.supports.islands import find_islands
+from printer_slicer.supports.patches import join_patches
+from printer_slicer.supports.slopes import compute_steps, find_strips, grow_by_step
+
+__all__ = ["find_overhangs"]
+
+_FLAT = 0.2  # share of a patch that hangs in one layer, if the patch is not a slope
+
+
+def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Overhangs:
+    """Find the areas of each layer that hang and need supports, whether or not the profile has supports.
+
+    Left out are areas that bridge lines and perimeters carry from support to support, and patches that are smaller than
+    the profile allows, except islands and tails.
+
+    Args:
+        sections: the solid area of each layer.
+        regions: the bridges, and the directions of their lines.
+        profile: threshold angle, maximum length of bridges, and smallest patches.
+    """
+    plan, quality, solid = sections.plan, profile.quality, sections.solid
+    own = np.arange(plan.n_layers)
+    below = solid.shift_layers(1)
+    air = difference(solid.of_layers(own > 0), below)
+    step = compute_steps(plan, quality.support_threshold_deg)
+    around = grow_by_step(below, step)
+    islands = find_islands(solid, below, around, air.area(), profile.extrusion_width)
+    hanging = union(find_strips(air, around, step), islands)
+    area, patch = join_patches(hanging, islands, Areas.empty(plan.n_layers), step, quality)
+    cover = find_bridged(area, below, solid, regions, profile)
+    bridged = intersection(area, cover)
+    if cover.n_rings:
+        hanging = union(difference(area, cover), islands)
+        area, patch = join_patches(hanging, islands, cover, step, quality)
+    return Overhangs(plan, area, patch, islands, bridged, _mark_flat_layers(area, patch))
+
+
+def _mark_flat_layers(area: Areas, ring_patch: Int) -> Bool:
+    """Return a mask (L,) of the layers in which more than a fifth of a patch hangs."""
+    size, n_layers = area.ring_area(), area.n_layers
+    whole = np.bincount(ring_patch, size)
+    keys, entry = np.unique(ring_patch * n_layers + area.ring_layer, return_inverse=True)
+    flat = np.zeros(n_layers, np.bool_)
+    flat[(keys % n_layers)[np.bincount(entry, size) > _FLAT * whole[keys // n_layers]]] = True
+    return flat

@@ -1,0 +1,43 @@
+"""Find the areas of sections that hang because the surface is flatter than the threshold.
+
+Sections are cut somewhere within each layer. A surface with the angle t to the horizontal moves outward by
+(distance of the cuts) / tan t from one section to the next. So a plane is found at all layer heights, or at none.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
+from printer_slicer.model import LayerPlan
+
+__all__ = ["compute_steps", "find_strips", "grow_by_step"]
+
+_FLATTEST = 5.0  # degrees; flatter surfaces always hang, because steps must stay finite
+_SLACK = 1e-3  # mm; more than the rounding of areas
+_SLIVER = 0.02  # mm, width of strips that are left out
+
+
+def compute_steps(plan: LayerPlan, threshold_deg: float) -> Float:
+    """Return how far (L,) a section may extend beyond the one below before it hangs, mm."""
+    slope = np.tan(np.deg2rad(max(threshold_deg, _FLATTEST)))
+    return np.asarray(np.diff(plan.cut, prepend=0.0) / slope)
+
+
+def grow_by_step(below: Areas, step: Float) -> Areas:
+    """Return sections grown by the step of each layer (L,), mm: how far the section above may extend."""
+    return offset(below, step + _SLACK)
+
+
+def find_strips(air: Areas, around: Areas, step: Float) -> Areas:
+    """Return the areas that hang: strips outside the section below, where they are wider than a step.
+
+    Args:
+        air: part of each section outside the section below.
+        around: the section below, grown by the step.
+        step: (L,) mm, see `compute_steps`.
+    """
+    steep = difference(air, around)
+    strips = intersection(air.of_layers(steep.used), offset(steep, step + 2 * _SLACK))
+    return offset_open(strips, _SLIVER / 2)
