@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from printer_slicer.model import (
         LayerPlan,
         Mesh,
+        Overhangs,
         Program,
         Regions,
         Repairs,
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
         Travels,
         Walls,
     )
-    from printer_slicer.pipeline import plan_part, slice_part, slice_stages
+    from printer_slicer.pipeline import overhangs, plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, join, place, transform
     from printer_slicer.printing import Controls, PrintResult, print_job
     from printer_slicer.profile import Profile
@@ -75,6 +76,7 @@ _HOMES = {
     "Limits": "mesh_io",
     "Mesh": "model",
     "Model": "mesh_io",
+    "Overhangs": "model",
     "Picture": "drawing",
     "Placement": "placing",
     "Polylines": "geometry",
@@ -107,6 +109,7 @@ _HOMES = {
     "load_model": "mesh_io",
     "load_profile": "importing.familiar",
     "move_seconds": "extrusion",
+    "overhangs": "pipeline",
     "place": "placing",
     "plan_part": "pipeline",
     "print_job": "printing",
@@ -134,6 +137,7 @@ __all__ = [
     "Limits",
     "Mesh",
     "Model",
+    "Overhangs",
     "Picture",
     "Placement",
     "Polylines",
@@ -167,6 +171,7 @@ __all__ = [
     "load_model",
     "load_profile",
     "move_seconds",
+    "overhangs",
     "place",
     "plan_part",
     "print_job",

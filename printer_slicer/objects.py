@@ -14,7 +14,7 @@ from printer_slicer.geometry import Areas, difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
-from printer_slicer.overhangs import grade_overhangs
+from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_overridden_objects, make_profile_for_object
 from printer_slicer.slicing import cut

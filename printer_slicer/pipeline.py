@@ -19,7 +19,7 @@ from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
-from printer_slicer.model import LayerPlan, Mesh, Program, Regions, Sections, Toolpaths, Walls
+from printer_slicer.model import LayerPlan, Mesh, Overhangs, Program, Regions, Sections, Toolpaths, Walls
 from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
@@ -31,11 +31,12 @@ from printer_slicer.roles import roles_with
 from printer_slicer.slicing import list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
+from printer_slicer.supports import find_overhangs
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 
-__all__ = ["plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
+__all__ = ["overhangs", "plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
 
 
 @check_arguments(placement=Placement, strategies=Strategies)
@@ -140,7 +141,8 @@ def slice_planned(
     Without `keep`, paths and areas are released as soon as the next stage has used them, see `slice_for_output`.
     """
     profile = apply_spiral_settings(profile)
-    solid, walls, regions, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep)
+    made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep)
+    solid, walls, regions, overhangs = made
     report("ordering")
     printed = place_on_raft(solid, profile)
     paths[:] = [add_adhesion(paths, solid, printed, profile)]
@@ -155,7 +157,7 @@ def slice_planned(
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan)
-    return Stages(part, solid, walls, regions, toolpaths, travels, program, link, labels)
+    return Stages(part, solid, walls, regions, toolpaths, travels, program, link, labels, overhangs=overhangs)
 
 
 def _make_paths(
@@ -166,15 +168,11 @@ def _make_paths(
     strategies: Strategies,
     *,
     keep: bool,
-) -> tuple[Sections, Walls, Regions, list[Toolpaths], list[Profile]]:
+) -> tuple[tuple[Sections, Walls, Regions, Overhangs], list[Toolpaths], list[Profile]]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
-    meshes, plans, own = split_objects(part, plan, profile)
-    report("slicing")
-    sections = cut_objects(meshes, plans, own)
-    report("perimeters")
-    walls = list(map(lay_walls, sections, own))
-    report("regions")
-    regions = list(map(classify, sections, walls, own))
+    sections, own = _cut(part, plan, profile, report)
+    walls, regions = _divide(sections, own, report)
+    overhangs = Overhangs.joined(list(map(find_overhangs, sections, regions, own)))
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
@@ -182,7 +180,56 @@ def _make_paths(
     if not keep:
         walls = [one.without_paths() for one in walls]
         regions = [one.of_layers(np.zeros(one.plan.n_layers, np.bool_)) for one in regions]
-    return stack_sections(sections), Walls.joined(walls), Regions.joined(regions), paths, profiles
+    made = stack_sections(sections), Walls.joined(walls), Regions.joined(regions), overhangs
+    return made, paths, profiles
+
+
+def _cut(
+    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, report: Report
+) -> tuple[list[Sections], list[Profile]]:
+    """Return the sections and the profile of each object."""
+    meshes, plans, own = split_objects(part, plan, profile)
+    report("slicing")
+    return cut_objects(meshes, plans, own), own
+
+
+def _divide(
+    sections: list[Sections], own: list[Profile], report: Report
+) -> tuple[list[Walls], list[Regions]]:
+    """Return the walls and the regions of each object."""
+    report("perimeters")
+    walls = list(map(lay_walls, sections, own))
+    report("regions")
+    return walls, list(map(classify, sections, walls, own))
+
+
+@check_arguments(mesh=Mesh, profile=Profile, placement=Placement)
+def overhangs(
+    mesh: Mesh,
+    profile: Profile,
+    *,
+    plan: LayerPlan | Sequence[LayerPlan] | None = None,
+    placement: Placement = IN_THE_MIDDLE,
+) -> Overhangs:
+    """Find the areas of a part that need supports, without slicing it completely.
+
+    Args:
+        mesh: the part, anywhere; it is repaired and placed.
+        profile: printer, material and quality; `quality.support_threshold_deg`, `support_max_bridge`,
+            `support_min_area` and `support_min_reach` decide what needs supports. `quality.support` has no effect.
+        plan: the layer plan, or one for each object; default: the profile's planner makes it.
+        placement: position of the part; default: the middle of the bed.
+
+    Raises:
+        UsageError: `mesh` is not a Mesh, `profile` is not a Profile, or there are not as many plans as objects.
+        PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
+    """
+    check_part(mesh, profile)
+    part = place(repair(mesh)[0], profile.printer, placement)
+    plan = plan_part(part, profile) if plan is None else plan
+    sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
+    _, regions = _divide(sections, own, quiet)
+    return Overhangs.joined(list(map(find_overhangs, sections, regions, own)))
 
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)

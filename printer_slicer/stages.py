@@ -15,6 +15,7 @@ from printer_slicer.model import (
     Labels,
     LayerPlan,
     Mesh,
+    Overhangs,
     Program,
     Regions,
     Repairs,
@@ -78,6 +79,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
         link: changes made to stay within the throughput of the serial link, if the profile sets one.
         labels: the object of each move; None if the part is a single object.
         repairs: repairs of the mesh, in coordinates of the given mesh.
+        overhangs: the areas that need supports, whether or not supports are printed; None while layers are planned.
         shift: (3,) vector from the placed part to the mesh as it was given, mm.
     """
 
@@ -91,6 +93,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
     link: LinkReport | None = None
     labels: Labels | None = None
     repairs: Repairs = field(default_factory=Repairs)
+    overhangs: Overhangs | None = None
     shift: Float = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ from printer_slicer.inspection.coverage.measurement import coverage_of
 from printer_slicer.inspection.coverage.raster import CellWindow, rasterize_fill, window_mean
 from printer_slicer.inspection.coverage.stack import stack_of_program
 from printer_slicer.model import Areas, LayerPlan, Sections, Toolpaths
-from printer_slicer.overhangs import grade_overhangs
+from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile

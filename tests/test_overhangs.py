@@ -10,7 +10,7 @@ from hypothesis import given
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Areas, Fan, LayerPlan, Mesh, Program, Sections, Toolpaths
-from printer_slicer.overhangs import grade_overhangs
+from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.pipeline import slice_part
 from printer_slicer.roles import Role

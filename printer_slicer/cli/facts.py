@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
+from printer_slicer.cli.overhang_facts import collect_overhang_facts, format_overhang_sentences
 from printer_slicer.model import LayerPlan, Mesh, Repairs
 from printer_slicer.planning.violations import find_violations
 from printer_slicer.planning.z_steps import layer_tolerances
@@ -67,6 +68,7 @@ def collect_slicing_facts(
         "lowest_extrusion_z": (lowest := _find_lowest_extrusion(stages)),
         "begins_at": lowest,
         **_collect_adhesion_facts(stages, profile),
+        "overhangs": collect_overhang_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": list_repair_facts(stages.repairs),
@@ -157,6 +159,7 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
         lines.append(
             f"The part does not touch the bed: its first extrusion starts at z {facts['lowest_extrusion_z']:g}"
         )
+    lines += format_overhang_sentences(facts["overhangs"])
     lines += _format_link_sentences(facts["link"])
     lines += _format_skirt_sentences(facts)
     if facts["brim_omitted"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
@@ -41,6 +43,33 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
             return "<Overhangs: none>"
         area, islands = float(self.area.area().sum()), len(np.unique(self.islands.ring_layer))
         return f"<Overhangs: {self.n_patches} patches, {area:.4g} mm2, islands in {islands} layers>"
+
+    @classmethod
+    def joined(cls, parts: Sequence[Overhangs]) -> Overhangs:
+        """Combine the overhangs of several objects."""
+        if len(parts) == 1:
+            return parts[0]
+        plan = LayerPlan.union([part.plan for part in parts])
+        layers = [plan.find_tops(part.plan.top) for part in parts]
+        is_flat = np.zeros(plan.n_layers, np.bool_)
+        for part, layer in zip(parts, layers, strict=True):
+            is_flat[layer[part.is_flat]] = True
+        first = np.cumsum([0, *(part.n_patches for part in parts)])
+        patch = np.concatenate([part.ring_patch + n for part, n in zip(parts, first[:-1], strict=True)])
+        order = np.argsort(
+            np.concatenate([layer[part.area.ring_layer] for part, layer in zip(parts, layers, strict=True)]),
+            kind="stable",
+        )
+        stacks = {
+            name: Areas.merged(
+                [
+                    getattr(part, name).on_layers(layer, plan.n_layers)
+                    for part, layer in zip(parts, layers, strict=True)
+                ]
+            )
+            for name in ("area", "islands", "bridged")
+        }
+        return cls(plan, ring_patch=patch[order], is_flat=is_flat, **stacks)
 
     @property
     def n_patches(self) -> int:

@@ -30,13 +30,13 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
         profile: threshold angle, maximum length of bridges, and smallest patches.
     """
     plan, quality, solid = sections.plan, profile.quality, sections.solid
-    own = np.arange(plan.n_layers)
     below = solid.shift_layers(1)
-    air = difference(solid.of_layers(own > 0), below)
     step = compute_steps(plan, quality.support_threshold_deg)
     around = grow_by_step(below, step)
-    islands = find_islands(solid, below, around, air.area(), profile.extrusion_width)
-    hanging = union(find_strips(air, around, step), islands)
+    steep = difference(solid.of_layers(np.arange(1, plan.n_layers)), around)
+    air = difference(solid.of_layers(steep.used), below)
+    islands = find_islands(solid, below, air, around, profile.extrusion_width)
+    hanging = union(find_strips(air, steep, step), islands)
     area, patch = join_patches(hanging, islands, Areas.empty(plan.n_layers), step, quality)
     cover = find_bridged(area, below, solid, regions, profile)
     bridged = intersection(area, cover)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Int
 from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
@@ -26,62 +26,79 @@ _AT_ONCE = 8  # layers through which bodies are followed at once
 _LARGEST_TAIL = 100  # squared extrusion widths; more than a tail cannot hang unnoticed
 
 
-def find_islands(solid: Areas, below: Areas, around: Areas, air: Float, width: float) -> Areas:
+def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: float) -> Areas:
     """Return the lowest piece of each body that stands on nothing, and what hangs of tails.
 
-    A piece that begins within a step beside the section below, and joins the part in the next layer, continues a slope.
-    It is left out.
+    A piece that lies within a step beside the section below continues a slope. It is left out.
 
     Args:
         solid: section of each layer.
         below: section below each layer.
+        air: part of each section outside the section below, on layers where something is outside `around`.
         around: `below`, grown by the step of slopes.
-        air: (L,) area of each section outside the section below, mm².
         width: mm, extrusion width; a tail is attached to the part below by less than two of them.
     """
+    all_pieces = split_connected(solid.of_layers(air.used))
+    chosen = np.flatnonzero(air.area()[all_pieces.layer] >= (1 - _ATTACHED) * all_pieces.areas.area())
+    pieces = all_pieces.take(chosen)
+    pieces = pieces.take(np.flatnonzero(difference(pieces.areas, pieces.select_nearby_rings(around)).used))
+    rest = intersection(pieces.areas, pieces.select_nearby_rings(below))
+    shared, size = rest.area(), pieces.areas.area()
+    begins = shared <= EDGE * pieces.areas.length()
+    slim = ~offset(rest, -width).used & (size <= _LARGEST_TAIL * width**2)
+    tails = ~begins & slim & (shared < _ATTACHED * size)
+    if tails.any() and begins.any():
+        tails &= ~_find_carried(solid, pieces, begins)
+    islands = pieces.on_layers(solid.n_layers, np.flatnonzero(begins | tails))
+    return difference(islands, below)
+
+
+def _find_carried(solid: Areas, chosen: ConnectedAreas, begins: Bool) -> Bool:
+    """Return a mask (P,) of the chosen pieces that belong to a body that begins in the air.
+
+    Args:
+        solid: section of each layer.
+        chosen: P pieces of the sections.
+        begins: (P,) whether a piece overlaps nothing below.
+    """
     pieces = split_connected(solid)
-    size = pieces.areas.area()
-    chosen = np.flatnonzero((pieces.layer > 0) & (air[pieces.layer] >= (1 - _ATTACHED) * size))
-    some = pieces.take(chosen)
-    rest = intersection(some.areas, some.select_nearby_rings(below))
-    shared = rest.area()
-    begins = shared <= EDGE * some.areas.length()
-    slim = ~offset(rest, -width).used & (size[chosen] <= _LARGEST_TAIL * width**2)
-    tails = ~begins & slim & (shared < _ATTACHED * size[chosen])
-    beyond = difference(some.areas, some.select_nearby_rings(around)).used
-    stands, ends = (mask[chosen] for mask in _follow_bodies(pieces, chosen[begins]))
-    found = np.flatnonzero((begins & (beyond | ~ends)) | (tails & beyond & stands))
-    lowest = some.take(found)
-    return difference(lowest.on_layers(solid.n_layers, np.arange(len(found))), below)
+    where = _match(pieces, chosen)
+    stands = _mark_standing(pieces, where[begins])
+    return ~stands[where]
 
 
-def _follow_bodies(pieces: ConnectedAreas, begins: Int) -> tuple[Bool, Bool]:
-    """Return two masks (P,): of the pieces that stand, and of those with a piece directly above that stands.
+def _match(pieces: ConnectedAreas, chosen: ConnectedAreas) -> Int:
+    """Return the index of each of some chosen pieces (n,) among all pieces."""
+    own, other = find_overlaps(chosen, pieces, (0,))
+    where = np.zeros(chosen.count, np.int64)
+    where[own] = other
+    return where
+
+
+def _mark_standing(pieces: ConnectedAreas, begins: Int) -> Bool:
+    """Return a mask (P,) of the pieces that stand.
 
     Args:
         pieces: pieces of all sections.
         begins: the pieces above the first layer that overlap nothing below, ascending.
     """
-    stands, ends = [True] * pieces.count, np.zeros(pieces.count, np.bool_)
+    stands = [True] * pieces.count
     for piece in begins.tolist():
         stands[piece] = False
     first = 0
     while first < len(begins):
-        low = int(pieces.layer[begins[first]])
-        hangs = True
+        low, hangs = int(pieces.layer[begins[first]]), True
         while hangs:
             high = low + _AT_ONCE
             lower, upper = _find_pairs(pieces, low, high)
-            for piece in set(upper.tolist()):
+            for piece in upper.tolist():
                 stands[piece] = False
             for one, other in zip(lower.tolist(), upper.tolist(), strict=True):  # upwards
                 stands[other] = stands[other] or stands[one]
-            ends[lower[np.array(stands)[upper]]] = True
-            at_end = np.flatnonzero(pieces.layer == high)
-            hangs = not all(stands[piece] for piece in at_end.tolist())
+            hangs = not all(stands[piece] for piece in np.flatnonzero(pieces.layer == high).tolist())
             low = high
         first = int(np.searchsorted(pieces.layer[begins], low))
-    return np.array(stands, np.bool_), ends
+    return np.array(stands, np.bool_)
 
 
 def _find_pairs(pieces: ConnectedAreas, low: int, high: int) -> tuple[Int, Int]:

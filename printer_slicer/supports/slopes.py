@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
+from printer_slicer.geometry import Areas, intersection, offset, offset_open
 from printer_slicer.model import LayerPlan
 
 __all__ = ["compute_steps", "find_strips", "grow_by_step"]
@@ -30,14 +30,12 @@ def grow_by_step(below: Areas, step: Float) -> Areas:
     return offset(below, step + _SLACK)
 
 
-def find_strips(air: Areas, around: Areas, step: Float) -> Areas:
+def find_strips(air: Areas, steep: Areas, step: Float) -> Areas:
     """Return the areas that hang: strips outside the section below, where they are wider than a step.
 
     Args:
         air: part of each section outside the section below.
-        around: the section below, grown by the step.
+        steep: part of each section farther than a step outside the section below.
         step: (L,) mm, see `compute_steps`.
     """
-    steep = difference(air, around)
-    strips = intersection(air.of_layers(steep.used), offset(steep, step + 2 * _SLACK))
-    return offset_open(strips, _SLIVER / 2)
+    return offset_open(intersection(air, offset(steep, step + 2 * _SLACK)), _SLIVER / 2)
