@@ -1,0 +1,50 @@
+"""What `slice` reports of overhangs without supports."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import printer_slicer as ps
+from printer_slicer.model import Mesh
+from tests.cli.command_line import typed
+from tests.parts import box, cone, joined
+
+
+def arm_with_cone() -> Mesh:
+    """A post with an arm, from which a cone points down."""
+    tip = cone(3, 5, 24)
+    down = Mesh((tip.triangles * [1, 1, -1])[:, ::-1], "tip").moved((14, 3, 10.5))
+    return joined([box((6, 6, 12)), box((20, 6, 2), (0, 0, 10)), down], "arm")
+
+
+def sliced(mesh: Mesh, folder: Path, *more: str) -> tuple[str, dict[str, Any]]:
+    """The text and the JSON of `slice`."""
+    ps.export_stl(mesh, folder / "part.stl")
+    command = ("slice", "part.stl", "--quality", "standard", "-o", "part.gcode", *more)
+    return typed(*command, cwd=folder).out, json.loads(typed(*command, "--json", cwd=folder).out)
+
+
+def test_slice_reports_islands_and_overhangs_in_one_line(tmp_path: Path) -> None:
+    text, facts = sliced(arm_with_cone(), tmp_path)
+
+    (line,) = [one.strip() for one in text.splitlines() if "Unsupported" in one]
+    found = facts["overhangs"]
+    assert line.startswith("Unsupported: 1 island begins with nothing below (x, y, z 14.0, 3.0, 5.4)")
+    assert line.endswith("are flatter than 40° (x, y, z 13.0, 3.0, 5.4)")
+    assert found["islands"] == 1
+    assert found["count"] == 1
+    assert found["largest"][0]["area_mm2"] == pytest.approx(found["area_mm2"])
+    assert found["area_mm2"] == pytest.approx(14 * 6, rel=0.05)
+
+
+def test_slice_reports_nothing_if_nothing_needs_supports_or_supports_are_on(tmp_path: Path) -> None:
+    plain_text, plain_facts = sliced(box(), tmp_path)
+    text, facts = sliced(arm_with_cone(), tmp_path, "--set", "support=tree")
+
+    assert plain_facts["overhangs"] is None
+    assert facts["overhangs"] is None
+    assert "Unsupported" not in plain_text + text

@@ -1,0 +1,271 @@
+"""What needs supports: planes by their angle, bridges by both ends, patches by their size, islands always."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+import printer_slicer as ps
+from printer_slicer.geometry import Areas, intersection, normalize, split_connected
+from printer_slicer.model import LayerPlan, Mesh, Overhangs, Regions, Sections
+from printer_slicer.supports import find_overhangs
+from tests.parts import box, joined, loft, plain, sheared_prism, sphere
+
+CELL: Final = 3.0  # mm
+
+
+def found(mesh: Mesh, tops: Any = 0.2, **changes: object) -> Overhangs:
+    """The overhangs of a mesh with these tops of layers, or with layers of one height."""
+    if isinstance(tops, float):
+        tops = np.arange(1, round(np.ptp(mesh.bounds[:, 2]) / tops) + 1) * tops
+    return ps.overhangs(mesh, plain(**changes), plan=LayerPlan.from_tops(np.asarray(tops)))
+
+
+def solid(made: trimesh.Trimesh) -> Mesh:
+    """A part made by trimesh."""
+    return Mesh(np.asarray(made.triangles, np.float64), "part")
+
+
+def wall_with_hole(diameter: float, thickness: float) -> Mesh:
+    """An upright wall with a round hole across."""
+    wall = trimesh.creation.box((30, thickness, 20))
+    across = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
+    hole = trimesh.creation.cylinder(diameter / 2, 3 * thickness, sections=96, transform=across)
+    return solid(trimesh.boolean.difference([wall, hole], engine="manifold"))
+
+
+def gallows(reach: float = 10.0, height: float = 10.0, width: float = 10.0) -> Mesh:
+    """A post with an arm to one side."""
+    return joined([box((5, width, height + 2)), box((5 + reach, width, 2), (0, 0, height))])
+
+
+def gate(span: float, width: float) -> Mesh:
+    """Two posts and a plate across."""
+    posts = [box((6, width, 10), (x, 0, 0)) for x in (0.0, 6 + span)]
+    return joined([*posts, box((12 + span, width, 3), (0, 0, 8))])
+
+
+def icicle(radius: float, length: float, at: tuple[float, float], roof: float) -> Mesh:
+    """A cone that points down from a roof; its base lies inside the roof."""
+    turn = 2 * np.pi * np.arange(24) / 24
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    ring = radius * circle + at
+    return Mesh(loft([1e-3 * circle + at, ring, ring], [roof - length, roof, roof + 0.5]), "icicle")
+
+
+@given(
+    st.floats(20, 65),
+    st.sampled_from([-5.0, -1.0, -0.5, 0.5, 1.0, 5.0]),
+    st.lists(st.integers(10, 32), min_size=60, max_size=60),
+)
+def test_a_plane_is_found_if_it_is_flatter_than_the_threshold(
+    threshold: float, beside: float, heights: list[int]
+) -> None:
+    shift = 6 / np.tan(np.deg2rad(threshold + beside))
+    tops = np.cumsum(np.array(heights) / 100)
+    tops = tops[tops < 5.7]
+    plan = np.append(tops, 6.0)
+
+    overhangs = found(sheared_prism(10, 6, shift), plan, support_threshold_deg=threshold)
+
+    cut = overhangs.plan.cut
+    moved = 10 * shift * (cut[-1] - cut[0]) / 6
+    assert overhangs.area.area().sum() == pytest.approx(moved if beside < 0 else 0, rel=0.01)
+    assert overhangs.n_patches == int(beside < 0)
+    assert not overhangs.islands.n_rings
+
+
+@given(st.floats(0, 360), st.sampled_from([gallows(), sheared_prism(10, 6, 12), sphere(8)]))
+def test_rotation_about_z_does_not_change_the_area(degrees: float, part: Mesh) -> None:
+    c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turned = Mesh(part.triangles @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), "turned")
+
+    before, after = found(part), found(turned)
+
+    assert after.area.area().sum() == pytest.approx(before.area.area().sum(), rel=0.01)
+    assert after.n_patches == before.n_patches
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        gallows(),
+        gallows(reach=0.8),
+        sheared_prism(10, 6, 12),
+        sphere(8),
+        wall_with_hole(3, 10),
+        wall_with_hole(6, 2),
+        wall_with_hole(16, 10),
+        joined([gallows(), icicle(2, 6, (10, 5), 10)]),
+    ],
+    ids=["arm", "ledge", "prism", "sphere", "small hole", "hole in a thin wall", "large hole", "icicle"],
+)
+def test_layers_of_half_the_height_keep_the_same_patches(part: Mesh) -> None:
+    thick, thin = found(part, 0.2), found(part, 0.1)
+
+    assert thin.n_patches == thick.n_patches
+    assert thin.area.area().sum() == pytest.approx(thick.area.area().sum(), rel=0.15)
+
+
+@pytest.mark.parametrize("thickness", [1.2, 2.0, 10.0])
+@pytest.mark.parametrize("diameter", [3.0, 6.0])
+def test_a_small_hole_in_a_wall_needs_nothing(diameter: float, thickness: float) -> None:
+    overhangs = found(wall_with_hole(diameter, thickness))
+
+    assert overhangs.n_patches == 0
+    assert overhangs.bridged.n_rings
+
+
+@pytest.mark.parametrize("width", [1.6, 3.0, 12.0])
+def test_a_bridge_needs_nothing_up_to_the_maximum_length(width: float) -> None:
+    assert found(gate(10.0, width)).n_patches == 0
+    assert found(gate(10.5, width)).area.area().sum() == pytest.approx(10.5 * width, rel=0.02)
+    assert found(gate(10.5, width), support_max_bridge=11).n_patches == 0
+    assert found(gate(4.0, width), support_max_bridge=0).n_patches == 1
+
+
+def test_what_bridges_carry_is_told_apart() -> None:
+    overhangs = found(gate(9.0, 8.0))
+
+    assert overhangs.bridged.area().sum() == pytest.approx(9 * 8, rel=0.01)
+    assert overhangs.area.n_rings == 0
+
+
+def test_ledges_and_chamfers_need_nothing() -> None:
+    ledge = joined([box((10, 10, 5), (1, 1, 0)), box((10.8, 10.8, 5), (0.6, 0.6, 4))])
+    ring = np.array([(0, 0), (10, 0), (10, 10), (0, 10)], dtype=float)
+    chamfer = Mesh(loft([0.92 * ring + 0.4, ring, ring], [0.0, 0.2, 5.0]), "chamfer")
+
+    assert found(ledge).n_patches == 0
+    assert found(chamfer, 0.1).n_patches == 0
+
+
+@pytest.mark.parametrize("reach", [10.0, 30.0])
+def test_a_plate_held_at_one_end_needs_support_over_its_whole_area(reach: float) -> None:
+    overhangs = found(gallows(reach), support_max_bridge=100)
+
+    assert overhangs.area.area().sum() == pytest.approx(reach * 10, rel=0.01)
+    assert overhangs.is_flat.nonzero()[0].tolist() == overhangs.area.used.nonzero()[0].tolist()
+    assert overhangs.n_patches == 1
+
+
+@given(st.lists(st.tuples(st.floats(0.5, 3), st.floats(1, 8)), min_size=1, max_size=3), st.floats(0.08, 0.3))
+def test_every_icicle_has_one_island_at_its_tip(cones: list[tuple[float, float]], height: float) -> None:
+    roof = joined([box((40, 8, 3), (0, -4, 10)), box((6, 8, 12), (-3, -4, 0))])
+    hung = [icicle(r, length, (12.0 + 9 * i, 0.0), 10) for i, (r, length) in enumerate(cones)]
+    part = joined([roof, *hung])
+    placed = ps.place(part, plain().printer).bounds[0] - part.bounds[0]
+
+    overhangs = found(part, np.append(np.arange(height, 12.9, height), 13.0))
+
+    pieces = split_connected(overhangs.islands)
+    low, high = pieces.areas.boxes()
+    middle = (low + high) / 2 - placed[:2]
+    begins = overhangs.plan.bottom[pieces.layer]
+    order = np.argsort(middle[:, 0])
+    assert middle[order] == pytest.approx(np.array([(12.0 + 9 * i, 0.0) for i in range(len(cones))]), abs=0.3)
+    assert begins[order] == pytest.approx([10 - length for _, length in cones], abs=0.5)
+    assert (overhangs.area.used | ~overhangs.islands.used).all()
+
+
+def test_islands_that_join_are_two_and_end_where_they_stand() -> None:
+    """Two inverted pyramids grow together; then their body joins a wall."""
+    ring = np.array([(-3, -3), (3, -3), (3, 3), (-3, 3)], dtype=float)
+    pyramids = [
+        Mesh(loft([1e-3 * ring + at, ring + at, ring + at], [z, 10.0, 12.0]), "pyramid")
+        for at, z in ((np.array((8.0, 0.0)), 4.0), (np.array((13.0, 0.0)), 5.0))
+    ]
+    overhangs = found(joined([*pyramids, box((8, 6, 14), (-1, -3, 0)), box((17, 6, 2), (-1, -3, 12))]))
+
+    assert overhangs.plan.bottom[split_connected(overhangs.islands).layer] == pytest.approx(
+        [4.0, 5.0], abs=0.21
+    )
+
+
+def test_a_blob_on_a_thread_is_a_tail() -> None:
+    thread = box((0.6, 0.6, 8), (-0.3, -0.3, 0))
+    overhangs = found(joined([thread, box((3, 3, 3), (-1.5, -1.5, 6))]))
+
+    assert overhangs.plan.bottom[overhangs.islands.used] == pytest.approx([6.0])
+    assert overhangs.area.area().sum() == pytest.approx(9 - 0.36, rel=0.01)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_order_of_facets_does_not_matter(seed: int) -> None:
+    part = joined([gallows(), icicle(2, 6, (10, 5), 10)])
+    shuffled = Mesh(np.random.default_rng(seed).permutation(part.triangles), part.name)
+
+    one, other = found(part), found(shuffled)
+
+    assert other.area.area() == pytest.approx(one.area.area(), abs=1e-4)
+    assert other.islands.area() == pytest.approx(one.islands.area(), abs=1e-4)
+
+
+def stack(mask: np.ndarray, gap: float) -> Sections:
+    """Sections of full cells (L, X, Y): neighbours by a side are joined, those by a corner only if there is no gap."""
+    square = np.array([(gap, gap), (CELL - gap, gap), (CELL - gap, CELL - gap), (gap, CELL - gap)])
+    rings: list[list[np.ndarray]] = [[square + CELL * at for at in np.argwhere(one)] for one in mask]
+    for axis in (1, 2):
+        pair = mask[:, :-1] & mask[:, 1:] if axis == 1 else mask[:, :, :-1] & mask[:, :, 1:]
+        longer = square + np.where(square > CELL / 2, CELL, 0.0) * np.eye(2)[axis - 1]
+        for k, *at in np.argwhere(pair):
+            rings[k].append(longer + CELL * np.array(at))
+    plan = LayerPlan.from_tops(0.2 * np.arange(1.0, len(mask) + 1))
+    return Sections(plan, normalize(Areas.from_rings(rings)))
+
+
+def overhangs_of(sections: Sections, **changes: object) -> Overhangs:
+    """The overhangs of sections without bridges."""
+    none = Areas.empty(sections.plan.n_layers)
+    regions = Regions(sections.plan, none, none, none, none, none, np.zeros(0))
+    return find_overhangs(sections, regions, plain(support_max_bridge=0, **changes))
+
+
+def pieces_of(one: np.ndarray) -> list[set[tuple[int, int]]]:
+    """The cells of a layer, connected by sides."""
+    left: set[tuple[int, int]] = {(x, y) for x, y in np.argwhere(one).tolist()}
+    result = []
+    while left:
+        piece: set[tuple[int, int]] = set()
+        new = {left.pop()}
+        while new:
+            x, y = new.pop()
+            piece.add((x, y))
+            near = {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)} & left
+            left -= near
+            new |= near
+        result.append(piece)
+    return result
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 0.7))
+def test_islands_of_random_cells_are_those_of_brute_force(seed: int, share: float) -> None:
+    mask = np.random.default_rng(seed).random((6, 5, 5)) < share
+    begins = np.zeros_like(mask)
+    for k in range(1, 6):
+        for piece in pieces_of(mask[k]):
+            if not any(mask[k - 1][at] for at in piece):
+                begins[k][tuple(np.array(list(piece)).T)] = True
+
+    overhangs = overhangs_of(stack(mask, 0.1))
+
+    assert overhangs.islands.area() == pytest.approx(stack(begins, 0.1).solid.area(), abs=1e-3)
+    assert intersection(overhangs.islands, overhangs.area).area() == pytest.approx(
+        overhangs.islands.area(), abs=1e-3
+    )
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.2, 0.7))
+def test_areas_of_random_cells_are_those_of_brute_force(seed: int, share: float) -> None:
+    mask = np.random.default_rng(seed).random((6, 5, 5)) < share
+
+    overhangs = overhangs_of(stack(mask, 0.0))
+
+    free = (mask[1:] & ~mask[:-1]).sum(axis=(1, 2))
+    assert overhangs.area.area()[1:] == pytest.approx(CELL**2 * free, rel=0.01, abs=0.01)
+    assert overhangs.area.area()[0] == 0
