@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
-from printer_slicer.geometry import Areas, difference, intersection, union
+from printer_slicer.geometry import Areas, difference, intersection, offset_open, union
 from printer_slicer.model import Overhangs, Regions, Sections
 from printer_slicer.profile import Profile
 from printer_slicer.supports.bridged import find_bridged
 from printer_slicer.supports.islands import find_islands
-from printer_slicer.supports.patches import join_patches
+from printer_slicer.supports.patches import drop_small_groups, join_patches
 from printer_slicer.supports.slopes import compute_steps, find_strips, grow_by_step
 
 __all__ = ["find_overhangs"]
 
+_SLIVER = 0.02  # mm, width of strips that are left out
 _FLAT = 0.2  # share of a patch that hangs in one layer, if the patch is not a slope
 
 
@@ -37,13 +38,11 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     air = difference(solid.of_layers(steep.used), below)
     islands = find_islands(solid, below, air, around, profile.extrusion_width)
     hanging = union(find_strips(air, steep, step), islands)
-    area, patch = join_patches(hanging, islands, Areas.empty(plan.n_layers), step, quality)
-    cover = find_bridged(area, below, solid, regions, profile)
-    bridged = intersection(area, cover)
-    if cover.n_rings:
-        hanging = union(difference(area, cover), islands)
-        area, patch = join_patches(hanging, islands, cover, step, quality)
-    return Overhangs(plan, area, patch, islands, bridged, _mark_flat_layers(area, patch))
+    hanging = offset_open(drop_small_groups(hanging, islands, step, quality), _SLIVER / 2)
+    cover = find_bridged(hanging, below, solid, regions, profile)
+    left = union(difference(hanging, cover), islands)
+    area, patch = join_patches(left, islands, cover, step, quality)
+    return Overhangs(plan, area, patch, islands, intersection(hanging, cover), _mark_flat_layers(area, patch))
 
 
 def _mark_flat_layers(area: Areas, ring_patch: Int) -> Bool:

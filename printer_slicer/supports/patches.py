@@ -23,10 +23,31 @@ from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.profile import Quality
 from printer_slicer.supports.pieces import find_touching
 
-__all__ = ["join_patches"]
+__all__ = ["drop_small_groups", "join_patches"]
 
 _NEAR = 0.35  # mm; pieces this close to each other are one patch
 _SEAM = 0.02  # mm by which strips are grown, so that no gap between two of them stays
+
+
+def drop_small_groups(hanging: Areas, islands: Areas, step: Float, quality: Quality) -> Areas:
+    """Return the areas of groups that may contain a patch that needs supports.
+
+    Pieces whose bounding boxes touch form groups, so each patch lies within one group. This takes less time than to
+    join patches, and on most parts it leaves little to join. Arguments are those of `join_patches`.
+    """
+    pieces = split_connected(hanging)
+    if not pieces.count:
+        return hanging
+    boxes = Boxes(*pieces.areas.boxes(), pieces.layer)
+    around = boxes.expand(_compute_reach(pieces, step))
+    links = [
+        np.stack(Boxes(around.low, around.high, around.layer + rise).find_overlapping(boxes))
+        for rise in (0, 1)
+    ]
+    group = label_components(np.concatenate(links, axis=1), pieces.count)
+    needed = _mark_large(_unite(pieces, group), quality)
+    needed[group[_hold_islands(pieces, islands)]] = True
+    return pieces.on_layers(hanging.n_layers, np.flatnonzero(needed[group]))
 
 
 def join_patches(
@@ -42,48 +63,44 @@ def join_patches(
         quality: smallest area and reach of patches.
     """
     pieces = split_connected(hanging)
-    special = intersection(pieces.areas, pieces.select_nearby_rings(islands)).used
-    reach = np.maximum(step, _NEAR)[pieces.layer]
-    possible = np.flatnonzero(_mark_large_groups(pieces, reach, special, quality))
-    if not len(possible):
+    if not pieces.count:
         return Areas.empty(hanging.n_layers), np.zeros(0, np.int64)
-    pieces, special, reach = pieces.take(possible), special[possible], reach[possible]
+    reach = _compute_reach(pieces, step)
     patch = label_components(np.stack(find_touching(pieces, pieces, reach, (0, 1))), pieces.count)
-    needed = _mark_large(_unite(pieces, patch, split_connected(cover), reach), quality)
-    needed[patch[special]] = True
+    united = _subtract_covers(_unite(pieces, patch), pieces, patch, split_connected(cover), reach)
+    needed = _mark_large(united, quality)
+    needed[patch[_hold_islands(pieces, islands)]] = True
     kept = np.flatnonzero(needed[patch])
     rings = np.flatnonzero(np.isin(pieces.areas.ring_layer, kept))
     number = np.cumsum(needed) - 1
     return pieces.on_layers(hanging.n_layers, kept), number[patch[pieces.areas.ring_layer[rings]]]
 
 
-def _mark_large_groups(pieces: ConnectedAreas, reach: Float, special: Bool, quality: Quality) -> Bool:
-    """Return a mask (P,) of pieces that may belong to a patch that needs supports.
-
-    Pieces whose bounding boxes touch form groups. Each patch lies within one group, so groups with too little area are
-    left out. This takes far less time than to join patches.
-    """
-    boxes = Boxes(*pieces.areas.boxes(), pieces.layer)
-    around = boxes.expand(reach)
-    links = [
-        np.stack(Boxes(around.low, around.high, around.layer + rise).find_overlapping(boxes))
-        for rise in (0, 1)
-    ]
-    group = label_components(np.concatenate(links, axis=1), pieces.count)
-    large = np.bincount(group, pieces.areas.area()) >= quality.support_min_area
-    large[group[special]] = True
-    return np.asarray(large[group])
+def _compute_reach(pieces: ConnectedAreas, step: Float) -> Float:
+    """Return the distance (P,) up to which other pieces touch each piece, mm."""
+    return np.asarray(np.maximum(step, _NEAR)[pieces.layer])
 
 
-def _unite(pieces: ConnectedAreas, patch: Int, cover: ConnectedAreas, reach: Float) -> Areas:
-    """Return each patch as seen from above, grown by the width of a seam, without what bridges beside it carry."""
-    n_patches = int(patch.max()) + 1
-    united = _stack(offset(pieces.areas, _SEAM), np.arange(pieces.count), patch, n_patches)
+def _hold_islands(pieces: ConnectedAreas, islands: Areas) -> Bool:
+    """Return a mask (P,) of pieces that islands lie in."""
+    return intersection(pieces.areas, pieces.select_nearby_rings(islands)).used
+
+
+def _unite(pieces: ConnectedAreas, patch: Int) -> Areas:
+    """Return each patch as seen from above, grown by the width of a seam."""
+    grown = offset(pieces.areas, _SEAM)
+    return _stack(grown, np.arange(pieces.count), patch, int(patch.max()) + 1)
+
+
+def _subtract_covers(
+    united: Areas, pieces: ConnectedAreas, patch: Int, cover: ConnectedAreas, reach: Float
+) -> Areas:
+    """Return the united patches without what bridges beside their pieces carry."""
     if not cover.count:
         return united
     own, other = find_touching(pieces, cover, reach, (-1, 0, 1))
     pairs = np.unique(np.stack([patch[own], other]), axis=1)
-    return difference(united, _stack(cover.areas, pairs[1], pairs[0], n_patches))
+    return difference(united, _stack(cover.areas, pairs[1], pairs[0], united.n_layers))
 
 
 def _stack(areas: Areas, which: Int, entry: Int, n_entries: int) -> Areas:

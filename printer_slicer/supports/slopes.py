@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.geometry import Areas, intersection, offset, offset_open
+from printer_slicer.geometry import Areas, intersection, offset
 from printer_slicer.model import LayerPlan
 
 __all__ = ["compute_steps", "find_strips", "grow_by_step"]
 
 _FLATTEST = 5.0  # degrees; flatter surfaces always hang, because steps must stay finite
 _SLACK = 1e-3  # mm; more than the rounding of areas
-_SLIVER = 0.02  # mm, width of strips that are left out
 
 
 def compute_steps(plan: LayerPlan, threshold_deg: float) -> Float:
@@ -38,4 +37,4 @@ def find_strips(air: Areas, steep: Areas, step: Float) -> Areas:
         steep: part of each section farther than a step outside the section below.
         step: (L,) mm, see `compute_steps`.
     """
-    return offset_open(intersection(air, offset(steep, step + 2 * _SLACK)), _SLIVER / 2)
+    return intersection(air, offset(steep, step + 2 * _SLACK))
