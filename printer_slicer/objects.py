@@ -125,7 +125,7 @@ def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]]) ->
 def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     """Return the given objects of a part as one mesh."""
     pieces = [part.triangles[item.first : item.first + item.count] for item in items]
-    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items))
+    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=part.volumes)
 
 
 def cut_objects(

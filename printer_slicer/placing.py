@@ -6,6 +6,7 @@ Facets are processed in blocks, so a large mesh is never in memory more than twi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from math import cos, isfinite, radians, sin
 from typing import Final
 
@@ -17,9 +18,9 @@ from printer_slicer.errors import PartError, UsageError
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, facet_blocks
 from printer_slicer.mesh_io.units import UNIT_NAMES
-from printer_slicer.model import Mesh, PlateObject
+from printer_slicer.model import Mesh, PlateObject, Volumes
 from printer_slicer.profile import Printer
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 __all__ = ["COPY_GAP", "IN_THE_MIDDLE", "Placement", "copy_in_grid", "join", "place", "transform"]
 
@@ -77,12 +78,21 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
     if placement.drop:
         by[2] = -low[2]
     _check_position(mesh.name, low + by, high + by, printer, placement)
-    placed = np.zeros_like(mesh.triangles)
-    for block in facet_blocks(mesh.n_facets):
-        # Round to 1 nm: points that differ only by rounding errors become equal, wherever the part is in its file.
-        np.add(mesh.triangles[block], by, out=placed[block])
+    volumes = mesh.volumes and mesh.volumes.map_triangles(partial(_move_rounded, by=by))
+    items = tuple(item.moved(by) for item in mesh.objects)
+    return Mesh(_move_rounded(mesh.triangles, by), mesh.name, items, volumes)
+
+
+def _move_rounded(triangles: Float, by: Float) -> Float:
+    """Return triangles (F, 3, 3) shifted by (3,) mm, rounded to 1 nm.
+
+    Points that differ only by rounding errors become equal, wherever the part is in its file.
+    """
+    placed = np.zeros_like(triangles)
+    for block in facet_blocks(len(triangles)):
+        np.add(triangles[block], by, out=placed[block])
         np.round(placed[block], 6, out=placed[block])
-    return Mesh(placed, mesh.name, tuple(item.moved(by) for item in mesh.objects))
+    return placed
 
 
 def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
@@ -191,12 +201,19 @@ def transform(
         matrix = _make_rotation_matrix(axis, angle) @ matrix if angle % 360.0 else matrix
     if np.array_equal(matrix, np.eye(3)):
         return mesh
-    made = np.zeros_like(mesh.triangles)
+    made = _apply_matrix(mesh.triangles, matrix)
+    volumes = mesh.volumes and mesh.volumes.map_triangles(partial(_apply_matrix, matrix=matrix))
+    return Mesh(made, mesh.name, _update_envelopes(mesh.objects, made), volumes)
+
+
+def _apply_matrix(triangles: Float, matrix: Float) -> Float:
+    """Return triangles (F, 3, 3) multiplied by a matrix (3, 3) for column vectors."""
+    made = np.zeros_like(triangles)
     plain = np.array_equal(matrix, np.diag(np.diag(matrix)))
-    for block in facet_blocks(mesh.n_facets):
-        part = mesh.triangles[block]
+    for block in facet_blocks(len(triangles)):
+        part = triangles[block]
         made[block] = part * np.diag(matrix) if plain else part @ matrix.T
-    return Mesh(made, mesh.name, _update_envelopes(mesh.objects, made))
+    return made
 
 
 def _read_three(name: str, value: object, example: str) -> Float:
@@ -251,7 +268,8 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
         own = mesh.objects or (PlateObject.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
         items += [item.with_facets_before(begin) for item in own]
         begin += mesh.n_facets
-    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
+    volumes = Volumes.joined([mesh.volumes for mesh in meshes])
+    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items), volumes)
 
 
 def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GAP) -> Mesh:
@@ -287,10 +305,8 @@ def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GA
     across = int(columns[np.lexsort((columns * rows, np.where(rows <= most[1], sides, np.inf)))[0]])
     places = [(number % across, number // across) for number in range(copies)]
     moved = [np.array([x * pitch[0], y * pitch[1], 0.0]) for x, y in places]
-    joined = join(
-        [Mesh(mesh.triangles + by, mesh.name, tuple(item.moved(by) for item in mesh.objects)) for by in moved]
-    )
-    return Mesh(joined.triangles, f"{copies} copies of {mesh.name}", joined.objects)
+    joined = join([mesh.moved(by) for by in moved])
+    return replace(joined, name=f"{copies} copies of {mesh.name}")
 
 
 def _update_envelopes(items: Sequence[PlateObject], triangles: Float) -> tuple[PlateObject, ...]:

@@ -91,4 +91,5 @@ def _run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
             remedy="Close the surface of the part in CAD, or give it a thickness",
         )
     items = tuple(item.without_facets() for item in mesh.objects)
-    return (Mesh(facets.triangles, mesh.name, items), Repairs(tuple(done))) if done else (mesh, Repairs())
+    repaired = Mesh(facets.triangles, mesh.name, items, mesh.volumes)
+    return (repaired, Repairs(tuple(done))) if done else (mesh, Repairs())

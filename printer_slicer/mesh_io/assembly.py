@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from printer_slicer.errors import MeshError
+from printer_slicer.mesh_io.facet_paint import split_painted_facets
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
 from printer_slicer.values import Struct, field
@@ -20,13 +21,19 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.limits import Limits
 
 __all__ = [
+    "PART",
     "ObjectBuilder",
     "ObjectReference",
     "ObjectTable",
     "assemble_facets",
+    "assemble_painted_facets",
     "count_facets_by_object",
     "is_mirrored",
 ]
+
+
+PART: Final = "part"
+"""The type of volumes that are printed."""
 
 
 class ObjectReference(Struct, frozen=True, eq=False):
@@ -35,10 +42,12 @@ class ObjectReference(Struct, frozen=True, eq=False):
     Attributes:
         key: the key of the object.
         matrix: (4, 4) for row vectors: moved points are `[x, y, z, 1] @ matrix`. None means no transform.
+        volume_type: PART, or the type of a volume that is not printed; it applies to all objects within this one.
     """
 
     key: Hashable
     matrix: Float | None = None
+    volume_type: str = PART
 
 
 class ObjectTable:
@@ -97,6 +106,7 @@ class ObjectBuilder(Struct, eq=False):
         corners: vertex indices of its facets, three per facet.
         parts: the objects it consists of.
         label: the name in the file.
+        paint: digits of the facets that are painted for supports, by index of the facet, see `facet_paint`.
     """
 
     name: str
@@ -104,6 +114,7 @@ class ObjectBuilder(Struct, eq=False):
     corners: array[int] = field(default_factory=lambda: array("q"))
     parts: list[ObjectReference] = field(default_factory=list)
     label: str = ""
+    paint: dict[int, str] = field(default_factory=dict)
 
     def indices(self, path: Path) -> Int:
         """Return the vertex indices (F, 3) of the facets.
@@ -128,6 +139,8 @@ def assemble_facets(
     path: Path,
     limits: Limits,
     scale: float,
+    *,
+    volume_type: str = PART,
 ) -> Float:
     """Return the corners (F, 3, 3) of all objects on the plate.
 
@@ -137,28 +150,69 @@ def assemble_facets(
         path: for messages.
         limits: for the number of facets, the number of objects and their nesting.
         scale: mm per unit.
+        volume_type: type of the volumes to return.
 
     Raises:
         MeshError: an object is missing or contains itself, or there are too many.
     """
-    placed = _list_instances(roots, bodies, path, limits)
-    indices = {id(body): body.indices(path) for body, _ in placed}
-    triangles = np.zeros((sum(len(indices[id(body)]) for body, _ in placed), 3, 3))
+    placed = [one for one in _list_instances(roots, bodies, path, limits) if one.volume_type == volume_type]
+    indices = {id(one.body): one.body.indices(path) for one in placed}
+    triangles = np.zeros((sum(len(indices[id(one.body)]) for one in placed), 3, 3))
     filled = 0
-    for body, matrix in placed:
-        # Scale the points, not the matrix: then a point without a transform is exactly its number times the scale.
-        points = np.frombuffer(body.xyz, dtype=np.float64).reshape(-1, 3)
-        if matrix is not None:
-            points = points @ matrix[:3, :3] + matrix[3, :3]
-        points = points * scale if scale != 1 else points
-        faces = indices[id(body)]
-        faces = faces[:, ::-1] if matrix is not None and is_mirrored(matrix) else faces
+    for one in placed:
+        points = _place_points(
+            np.frombuffer(one.body.xyz, dtype=np.float64).reshape(-1, 3), one.matrix, scale
+        )
+        faces = indices[id(one.body)]
+        faces = faces[:, ::-1] if one.matrix is not None and is_mirrored(one.matrix) else faces
         for start in range(0, len(faces), BLOCK):
             part = faces[start : start + BLOCK]
             # All indices are valid; with "clip", they are not checked again, and nothing is copied twice.
             np.take(points, part, axis=0, out=triangles[filled : filled + len(part)], mode="clip")
             filled += len(part)
     return triangles
+
+
+def _place_points(points: Float, matrix: Float | None, scale: float) -> Float:
+    """Return points (..., 3) on the plate, mm."""
+    # Scale the points, not the matrix: then a point without a transform is exactly its number times the scale.
+    if matrix is not None:
+        points = points @ matrix[:3, :3] + matrix[3, :3]
+    return points * scale if scale != 1 else points
+
+
+def assemble_painted_facets(
+    roots: Sequence[ObjectReference],
+    bodies: Mapping[Hashable, ObjectBuilder],
+    path: Path,
+    limits: Limits,
+    scale: float,
+) -> tuple[Float, Int]:
+    """Return the painted pieces (P, 3, 3) of all parts on the plate, mm, and the state of each, see `facet_paint`.
+
+    Raises:
+        MeshError: the paint of a facet is not valid, or there is too much.
+    """
+    placed = [
+        one
+        for one in _list_instances(roots, bodies, path, limits)
+        if one.body.paint and one.volume_type == PART
+    ]
+    split: dict[int, tuple[Float, Int]] = {}
+    pieces, states, count = [np.zeros((0, 3, 3))], [np.zeros(0, np.int64)], 0
+    for one in placed:
+        if id(one.body) not in split:
+            points = np.frombuffer(one.body.xyz, dtype=np.float64).reshape(-1, 3)
+            name = f"{path}: {one.body.name}"
+            split[id(one.body)] = split_painted_facets(
+                one.body.paint, points[one.body.indices(path)], name, limits
+            )
+        corners, state = split[id(one.body)]
+        count += len(state)
+        check_facets(count, path, limits)
+        pieces.append(_place_points(corners, one.matrix, scale))
+        states.append(state)
+    return np.concatenate(pieces), np.concatenate(states)
 
 
 def count_facets_by_object(
@@ -168,7 +222,8 @@ def count_facets_by_object(
     found = []
     for root in roots:
         placed = _list_instances([root], bodies, path, limits)
-        found.append((bodies[root.key].label, sum(len(body.corners) // 3 for body, _ in placed)))
+        count = sum(len(one.body.corners) // 3 for one in placed if one.volume_type == PART)
+        found.append((bodies[root.key].label, count))
     return [(name, count) for name, count in found if count]
 
 
@@ -177,15 +232,25 @@ def is_mirrored(matrix: Float) -> bool:
     return bool(np.linalg.det(matrix[:3, :3]) < 0)
 
 
+class _Instance(Struct, frozen=True, eq=False):
+    """An object with facets on the plate: its transform to plate coordinates, and the type of its volume."""
+
+    body: ObjectBuilder
+    matrix: Float | None
+    volume_type: str
+
+
 def _list_instances(
     roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
-) -> list[tuple[ObjectBuilder, Float | None]]:
-    """List every instance of each object that has facets, with its transform to plate coordinates."""
-    placed: list[tuple[ObjectBuilder, Float | None]] = []
+) -> list[_Instance]:
+    """List every instance of each object that has facets."""
+    placed: list[_Instance] = []
     n_facets = n_vertices = n_seen = 0
-    waiting: list[tuple[ObjectReference, Float | None, int]] = [(use, None, 0) for use in reversed(roots)]
+    waiting: list[tuple[ObjectReference, Float | None, str, int]] = [
+        (use, None, PART, 0) for use in reversed(roots)
+    ]
     while waiting:
-        use, outer, depth = waiting.pop()
+        use, outer, outer_type, depth = waiting.pop()
         n_seen += 1
         body = bodies.get(use.key)
         if body is None:
@@ -199,13 +264,14 @@ def _list_instances(
                 remedy="Check that no object contains itself, then export the part again",
             )
         matrix = _compose_transforms(use.matrix, outer)
+        volume_type = use.volume_type if outer_type == PART else outer_type
         if len(body.corners):
             n_facets += len(body.corners) // 3
             n_vertices += len(body.xyz) // 3
             check_facets(n_facets, path, limits)
             check_vertices(n_vertices, path, limits, per_facet=3)
-            placed.append((body, matrix))
-        waiting += [(part, matrix, depth + 1) for part in reversed(body.parts)]
+            placed.append(_Instance(body, matrix, volume_type))
+        waiting += [(part, matrix, volume_type, depth + 1) for part in reversed(body.parts)]
     return placed
 
 

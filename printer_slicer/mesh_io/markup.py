@@ -41,6 +41,9 @@ class XmlReader:
         self._depth = 0
         self._starts: dict[str, Handler] = {}
         self._ends: dict[str, Callable[[], None]] = {}
+        self._texts: dict[str, Callable[[list[str], str], None]] = {}
+        self._text: list[str] | None = None
+        self._text_attributes: list[str] = []
         self._names: dict[str, str] = {}
         self._run_finder = RunFinder(limits.xml_token)
         self._parser = expat.ParserCreate(namespace_separator=" ", intern=self._names)
@@ -59,6 +62,10 @@ class XmlReader:
                 self._starts[name] = start
             if end:
                 self._ends[name] = end
+
+    def register_text(self, names: Iterable[str], handler: Callable[[list[str], str], None]) -> None:
+        """Register the handler for elements that hold text; it receives their attributes and the text."""
+        self._texts |= dict.fromkeys(names, handler)
 
     def register_run(self, prefixes: Iterable[str], run: ElementRun) -> None:
         """Register runs of elements, which are read at once, in parents of a name with one of these prefixes."""
@@ -95,6 +102,7 @@ class XmlReader:
             # Break the reference cycle of parser and handlers, to free the memory of a large document at once.
             self._parser.StartElementHandler = self._parser.EndElementHandler = None
             self._parser.StartNamespaceDeclHandler = self._parser.StartDoctypeDeclHandler = None
+            self._parser.CharacterDataHandler = None
 
     def check_limits(self) -> None:
         """Check the content read so far against the limits; called regularly, may raise a MeshError."""
@@ -112,12 +120,32 @@ class XmlReader:
         handler = self._starts.get(name)
         if handler:
             handler(attributes)
+        if self._text is not None:
+            self._stop_text()
+        if name in self._texts:
+            self._text, self._text_attributes = [], attributes
+            self._parser.CharacterDataHandler = self._add_text
+
+    def _add_text(self, text: str) -> None:
+        """Keep text within an element, up to the limit for a tag."""
+        if self._text is not None:
+            self._text.append(text)
+            if sum(map(len, self._text)) > self.limits.xml_token:
+                raise self.make_error(f"a text is longer than {self.limits.xml_token} characters")
+
+    def _stop_text(self) -> str:
+        """Stop to keep text; return the text kept so far."""
+        text = "".join(self._text or [])
+        self._text = self._parser.CharacterDataHandler = None
+        return text
 
     def _end_element(self, name: str) -> None:
         self._depth -= 1
         handler = self._ends.get(name)
         if handler:
             handler()
+        if self._text is not None:
+            self._texts[name](self._text_attributes, self._stop_text())
 
     def _declare_namespace(self, prefix: str | None, namespace: str) -> None:
         if len(self.namespaces) >= self.limits.names:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import os
 
     from printer_slicer.arrays import Float
+    from printer_slicer.model import Volumes
 
 __all__ = ["FORMATS", "Model", "load_mesh", "load_model"]
 
@@ -144,11 +145,13 @@ def load_model(
     unit = check_unit(units) if units is not None else None
     with open_model_file(path, limits, progress) as source, np.errstate(all="ignore"):
         kind = _detect_format(source)
-        triangles, own_unit, notes, *facet_counts = _READERS[kind](source, kind, unit, limits)
-        items = _list_objects(facet_counts[0] if facet_counts else [], triangles, path.stem)
+        triangles, own_unit, notes, *more = _READERS[kind](source, kind, unit, limits)
+        facet_counts: list[tuple[str, int]] = more[0] if more else []
+        volumes: Volumes | None = more[1] if more else None
+        items = _list_objects(facet_counts, triangles, path.stem)
         kept, n_folded = drop_degenerate_facets(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
-    return Model(Mesh(kept, path.stem, items), path, kind, own_unit, n_folded, tuple(notes))
+    return Model(Mesh(kept, path.stem, items, volumes), path, kind, own_unit, n_folded, tuple(notes))
 
 
 def _list_objects(
@@ -201,10 +204,10 @@ def _detect_format(source: ModelFile) -> str:
 
 
 # Readers: source, format, requested unit, limits -> corners in mm, unit, warnings, and, if the file names its objects,
-# the name and the number of facets of each, in order.
+# the name and the number of facets of each, in order, and the volumes that are not printed.
 # Each reader imports its module when it is called, because most parts are STL.
 
-Result = tuple["Float", str, list[str]] | tuple["Float", str, list[str], list[tuple[str, int]]]
+Result = tuple[Any, ...]
 
 
 def _read_stl(source: ModelFile, _kind: str, unit: str | None, limits: Limits) -> Result:

@@ -1,7 +1,8 @@
 """Read 3MF files: objects, components and build items of all model files in an archive.
 
 Sources: 3MF Core Specification 1.3 and Production Extension 1.1. Objects of other types than model (support, surface,
-other), build items with `printable="0"` and volumes that slicers mark as modifiers are left out.
+other), build items with `printable="0"` and modifiers of slicers are left out. Support enforcers and blockers, negative
+volumes and facets painted for supports are kept apart from the part.
 """
 
 from __future__ import annotations
@@ -21,13 +22,22 @@ from printer_slicer.mesh_io.assembly import (
     ObjectReference,
     ObjectTable,
     assemble_facets,
+    assemble_painted_facets,
     count_facets_by_object,
 )
 from printer_slicer.mesh_io.element_runs import ElementRun
+from printer_slicer.mesh_io.facet_paint import BLOCKED, ENFORCED
 from printer_slicer.mesh_io.markup import XmlReader, get_integer, get_number
-from printer_slicer.mesh_io.modifiers import MAX_LISTED_NAMES, read_modifiers
-from printer_slicer.mesh_io.soundness import EXPORT_AGAIN
+from printer_slicer.mesh_io.soundness import EXPORT_AGAIN, LARGEST
 from printer_slicer.mesh_io.units import UNITS, parse_unit
+from printer_slicer.mesh_io.volume_types import (
+    BLOCK,
+    ENFORCE,
+    MAX_LISTED_NAMES,
+    NEGATIVE,
+    read_volume_types,
+)
+from printer_slicer.model import Mesh, Volumes
 from printer_slicer.values import Struct, field
 
 if TYPE_CHECKING:
@@ -52,9 +62,12 @@ RELATIONSHIP_PREFIXES: Final = ("", "http://schemas.openxmlformats.org/package/2
 ROOT_MODEL_TYPE: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 MODEL_SUFFIXES: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
 """Extensions of models in an ordinary ZIP archive."""
-PAINT: Final = {
-    "custom_supports": "supports",
-    "paint_supports": "supports",
+SUPPORT_PAINT: Final = ("custom_supports", "paint_supports")
+"""Attributes of facets painted for supports in files of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
+PAINT_VERSIONS: Final = ("slic3rpe:FdmSupportsPaintingVersion", "BambuStudio:FdmSupportsPaintingVersion")
+"""Names of the metadata that tell the version of the paint."""
+NEWEST_PAINT: Final = 1
+IGNORED_PAINT: Final = {
     "custom_seam": "seams",
     "paint_seam": "seams",
     "mmu_segmentation": "colours",
@@ -62,7 +75,7 @@ PAINT: Final = {
     "fuzzy_skin": "fuzzy skin",
     "paint_fuzzy_skin": "fuzzy skin",
 }
-"""Attributes of painted facets in files of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
+"""Attributes of facets painted for something else."""
 USUAL_ROOT_MODEL: Final = "3d/3dmodel.model"
 
 
@@ -75,7 +88,9 @@ class _Model(Struct, eq=False):
     items: list[ObjectReference] = field(default_factory=list)
     n_unprintable: int = 0
     painted: Counter[tuple[Hashable, str]] = field(default_factory=Counter)
-    """Object and value of PAINT -> number of facets."""
+    """Object and value of IGNORED_PAINT -> number of facets."""
+    paint_version: int = 0
+    """Version of the paint for supports."""
 
 
 class _ModelReader(XmlReader):
@@ -97,6 +112,7 @@ class _ModelReader(XmlReader):
             "item": self._add_item,
         }.items():
             self.register((f"{space}{name}" for space in ELEMENT_PREFIXES), handler)
+        self.register_text((f"{space}metadata" for space in ELEMENT_PREFIXES), self._read_metadata)
         for run in (
             ElementRun("vertices", "vertex", ("x", "y", "z"), "d", self._add_vertices),
             ElementRun("triangles", "triangle", ("v1", "v2", "v3"), "q", self._add_triangles),
@@ -133,9 +149,22 @@ class _ModelReader(XmlReader):
             self._body.corners.extend((int(attributes[1]), int(attributes[3]), int(attributes[5])))
         else:
             self._body.corners.extend([get_integer(attributes, name) for name in ("v1", "v2", "v3")])
-        for name in attributes[::2] if len(attributes) > 6 else ():
-            if what := PAINT.get(name.rpartition(" ")[2]):
+        if len(attributes) > 6:
+            self._read_paint(attributes)
+
+    def _read_paint(self, attributes: list[str]) -> None:
+        """Read how the facet that was added last is painted."""
+        for name, value in zip(attributes[::2], attributes[1::2], strict=True):
+            local = name.rpartition(" ")[2]
+            if what := IGNORED_PAINT.get(local):
                 self.model.painted[self._key, what] += 1
+            elif local in SUPPORT_PAINT and value:
+                self._body.paint[len(self._body.corners) // 3 - 1] = value
+
+    def _read_metadata(self, attributes: list[str], text: str) -> None:
+        given = dict(zip(attributes[::2], attributes[1::2], strict=True))
+        if given.get("name") in PAINT_VERSIONS:
+            self.model.paint_version = int(text)
 
     def _add_vertices(self, values: array[float]) -> None:
         self._body.xyz.extend(values)
@@ -192,7 +221,7 @@ class _RelationshipReader(XmlReader):
 
 def read_three_mf(
     archive: Archive, limits: Limits, unit: str | None
-) -> tuple[Float, str, list[str], list[tuple[str, int]]]:
+) -> tuple[Float, str, list[str], list[tuple[str, int]], Volumes | None]:
     """Read all build items of a 3MF archive.
 
     Args:
@@ -202,7 +231,7 @@ def read_three_mf(
 
     Returns:
         Corners (F, 3, 3), mm; the unit of the file; warnings; the name and the number of facets of each object on the
-        plate.
+        plate; volumes that are not printed and painted facets.
 
     Raises:
         MeshError: the 3MF is not valid.
@@ -210,12 +239,14 @@ def read_three_mf(
     path, start = archive.path, _find_root_model(archive, limits)
     first = _read_model_file(archive, limits, start)
     own_unit = unit or parse_unit(first.unit, path)
-    bodies, kinds, painted = _read_referenced(archive, limits, start, first)
-    modifiers = read_modifiers(archive, limits)
-    modifiers.name_objects(bodies, start)
-    notes = modifiers.remove_unprinted(bodies, start)
-    _empty_other_kinds(bodies, kinds, notes)
-    notes += _describe_ignored_paint(painted, bodies)
+    whole = _read_referenced(archive, limits, start, first)
+    bodies = whole.objects.bodies
+    _check_paint_version(whole, path)
+    types = read_volume_types(archive, limits)
+    types.name_objects(bodies, start)
+    notes = types.separate_volumes(bodies, start, path)
+    _empty_other_kinds(bodies, whole.kinds, notes)
+    notes += _describe_ignored_paint(whole.painted, bodies)
     if first.n_unprintable:
         notes.append(f"{_format_item_count(first.n_unprintable)} marked as not printable and left out")
     if not first.items:
@@ -224,7 +255,55 @@ def read_three_mf(
             remedy="Mark a part as printable, then export the file again",
         )
     triangles = assemble_facets(first.items, bodies, path, limits, UNITS[own_unit])
-    return triangles, own_unit, notes, count_facets_by_object(first.items, bodies, path, limits)
+    counts = count_facets_by_object(first.items, bodies, path, limits)
+    return (
+        triangles,
+        own_unit,
+        notes,
+        counts,
+        _read_volumes(first.items, bodies, path, limits, UNITS[own_unit]),
+    )
+
+
+def _read_volumes(
+    items: list[ObjectReference],
+    bodies: dict[Hashable, ObjectBuilder],
+    path: Path,
+    limits: Limits,
+    scale: float,
+) -> Volumes | None:
+    """Return the volumes that are not printed, and the painted facets; None if there are none."""
+    given = {use.volume_type for body in bodies.values() for use in body.parts}
+    meshes = dict[str, Mesh]()
+    for name, volume_type in (("enforce", ENFORCE), ("block", BLOCK), ("negative", NEGATIVE)):
+        if volume_type in given:
+            triangles = assemble_facets(items, bodies, path, limits, scale, volume_type=volume_type)
+            if not (np.abs(triangles) < LARGEST).all():
+                raise MeshError(
+                    f"{path}: a {volume_type} has a coordinate that is too large or no number",
+                    remedy=EXPORT_AGAIN,
+                )
+            if len(triangles):
+                meshes[name] = Mesh(triangles, f"{path.stem}: {volume_type}")
+    pieces, state = assemble_painted_facets(items, bodies, path, limits, scale)
+    volumes = Volumes(
+        **meshes, enforced_facets=pieces[state == ENFORCED], blocked_facets=pieces[state == BLOCKED]
+    )
+    return None if volumes.is_empty else volumes
+
+
+def _check_paint_version(model: _Model, path: Path) -> None:
+    """Reject facets that a newer program painted for supports.
+
+    Raises:
+        MeshError: the version of the paint is unknown.
+    """
+    if model.paint_version > NEWEST_PAINT and any(body.paint for body in model.objects.bodies.values()):
+        raise MeshError(
+            f"{path}: the facets are painted for supports in version {model.paint_version}, which is unknown; the "
+            f"newest known version is {NEWEST_PAINT}",
+            remedy="Remove the paint in the program that made the file, or use support enforcers and blockers",
+        )
 
 
 def _read_model_file(archive: Archive, limits: Limits, part: str) -> _Model:
@@ -233,22 +312,21 @@ def _read_model_file(archive: Archive, limits: Limits, part: str) -> _Model:
     return reader.model
 
 
-def _read_referenced(
-    archive: Archive, limits: Limits, start: str, first: _Model
-) -> tuple[dict[Hashable, ObjectBuilder], dict[Hashable, str], Counter[tuple[Hashable, str]]]:
-    """Return objects, their types and their painted facets, also from other model files that the first one uses.
+def _read_referenced(archive: Archive, limits: Limits, start: str, first: _Model) -> _Model:
+    """Return the data of the root model file together with those of other model files that it uses.
 
     The root model file may use objects of other model files, but those may not use further files.
     """
-    bodies, kinds, painted = dict(first.objects.bodies), dict(first.kinds), Counter(first.painted)
+    bodies = first.objects.bodies
     uses = [*first.items, *(use for body in bodies.values() for use in body.parts)]
     wanted = {use.key[0] for use in uses if isinstance(use.key, tuple)}
     for part in sorted(wanted - {start}):
         model = _read_model_file(archive, limits, part)
         bodies |= model.objects.bodies
-        kinds |= model.kinds
-        painted += model.painted
-    return bodies, kinds, painted
+        first.kinds |= model.kinds
+        first.painted += model.painted
+        first.paint_version = max(first.paint_version, model.paint_version)
+    return first
 
 
 def _find_root_model(archive: Archive, limits: Limits) -> str:
@@ -287,7 +365,7 @@ def _describe_ignored_paint(
     """Return a warning for each kind of painted facets, all of which are ignored."""
     owners = {use.key: body.label for body in bodies.values() if body.label for use in body.parts}
     notes = []
-    for what in dict.fromkeys(PAINT.values()):
+    for what in dict.fromkeys(IGNORED_PAINT.values()):
         found = {key: count for (key, kind), count in painted.items() if kind == what and key in bodies}
         names = dict.fromkeys(bodies[key].label or owners.get(key) or bodies[key].name for key in found)
         if found:

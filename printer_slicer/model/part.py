@@ -18,6 +18,8 @@ from printer_slicer.values import Struct, force_setattr
 if TYPE_CHECKING:
     import trimesh
 
+    from printer_slicer.model.volumes import Volumes
+
 __all__ = ["Mesh", "MeshFaults", "Repair", "Repairs"]
 
 _BLOCK = 1 << 12  # facets per block; a block fits the CPU cache
@@ -36,11 +38,13 @@ class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
         triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
         name: name of the part in messages.
         objects: the objects of a plate with several; empty if the mesh is one object.
+        volumes: volumes and painted facets that steer supports or are cut out, in coordinates of the mesh.
     """
 
     triangles: Float
     name: str = "part"
     objects: tuple[PlateObject, ...] = ()
+    volumes: Volumes | None = None
 
     def __post_init__(self) -> None:
         force_setattr(self, "triangles", frozen_array(self.triangles, np.float64, (-1, 3, 3)))
@@ -134,8 +138,9 @@ class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
         """Return the part shifted by (x, y, z) mm."""
-        items = tuple(item.moved(np.asarray(by, dtype=np.float64)) for item in self.objects)
-        return Mesh(self.triangles + np.asarray(by, dtype=np.float64), self.name, items)
+        step = np.asarray(by, dtype=np.float64)
+        items = tuple(item.moved(step) for item in self.objects)
+        return Mesh(self.triangles + step, self.name, items, self.volumes and self.volumes.moved(step))
 
 
 class MeshFaults(Struct, frozen=True, eq=False):

@@ -216,9 +216,8 @@ def test_a_volume_that_only_changes_settings_is_not_printed_prusa(tmp_path: Path
     model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes == (
-        "1 volume that only changes settings, supports or other volumes is left out: 'Softer' (ParameterModifier)",
-    )
+    assert model.notes == ("1 modifier is ignored, with the settings: 'Softer' (ParameterModifier)",)
+    assert model.mesh.volumes is None
 
 
 def test_a_modifier_of_old_slicers_is_not_printed(tmp_path: Path) -> None:
@@ -239,14 +238,13 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
     text = model_xml({1: mesh_xml(), 2: mesh_xml(3 * CORNERS), 3: group(component(1), component(2))}, item(3))
     parts = (
         '<part id="1" subtype="normal_part"><metadata key="name" value="Box"/></part>'
-        '<part id="2" subtype="negative_part"><metadata key="name" value="Bore"/></part>'
+        '<part id="2" subtype="modifier_part"><metadata key="name" value="Softer"/></part>'
     )
     config = f'<config><object id="3">{parts}</object></config>'
     model = read(tmp_path, text, {"Metadata/model_settings.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert "left out: 'Bore' (negative_part)" in model.notes[0]
-    assert model.notes[1] == "1 of them is a negative volume and is not cut out: 'Bore' (negative_part)"
+    assert model.notes == ("1 modifier is ignored, with the settings: 'Softer' (modifier_part)",)
 
 
 def painted(mesh: str, **counts: int) -> str:
@@ -259,7 +257,7 @@ def painted(mesh: str, **counts: int) -> str:
 
 
 def test_what_is_painted_is_named_prusa(tmp_path: Path) -> None:
-    paint = {"slic3rpe__custom_supports": 3, "slic3rpe__custom_seam": 1, "slic3rpe__mmu_segmentation": 12}
+    paint = {"slic3rpe__custom_seam": 1, "slic3rpe__mmu_segmentation": 12}
     names = '<config><object id="1"><metadata type="object" key="name" value="lid"/></object></config>'
     model = read(
         tmp_path,
@@ -272,7 +270,6 @@ def test_what_is_painted_is_named_prusa(tmp_path: Path) -> None:
     )
 
     assert model.notes == (
-        "painted supports are ignored: 3 facets of 'lid'",
         "painted seams are ignored: 3 facets of 'lid', 'object 2'",
         "painted colours are ignored: 12 facets of 'lid'",
     )
@@ -280,12 +277,11 @@ def test_what_is_painted_is_named_prusa(tmp_path: Path) -> None:
 
 
 def test_what_is_painted_is_named_bambu(tmp_path: Path) -> None:
-    mesh = painted(mesh_xml(), paint_supports=2, paint_color=1, paint_fuzzy_skin=4, pid=5)
+    mesh = painted(mesh_xml(), paint_color=1, paint_fuzzy_skin=4, pid=5)
     text = model_xml({1: mesh, 3: group(component(1)), 4: mesh_xml()}, item(3) + item(4, MOVED))
     config = '<config><object id="3"><metadata key="name" value="Box"/></object></config>'
 
     assert read(tmp_path, text, {"Metadata/model_settings.config": config}).notes == (
-        "painted supports are ignored: 2 facets of 'Box'",
         "painted colours are ignored: 1 facet of 'Box'",
         "painted fuzzy skin are ignored: 4 facets of 'Box'",
     )

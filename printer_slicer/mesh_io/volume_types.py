@@ -1,8 +1,8 @@
-"""Read the data of other slicers in 3MF files: object names and volumes that must not be printed.
+"""Read the data of other slicers in 3MF files: object names and the types of volumes.
 
-These volumes are modifiers, blockers, enforcers and negative volumes. PrusaSlicer stores all volumes of an object in
-one mesh and lists their ranges of facets; Bambu Studio and OrcaSlicer store each one as a component. Neither is part of
-the 3MF standard, but without this data a support blocker would be printed as solid.
+Most types are not printed: modifiers, support blockers and enforcers, negative volumes. PrusaSlicer stores all volumes
+of an object in one mesh and lists their ranges of facets; Bambu Studio and OrcaSlicer store each one as a component.
+Neither is part of the 3MF standard, but without this data a support blocker would be printed as solid.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from printer_slicer.mesh_io.assembly import ObjectBuilder
+from printer_slicer.mesh_io.assembly import PART, ObjectBuilder, ObjectReference
 from printer_slicer.mesh_io.markup import XmlReader
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,27 +23,47 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["MAX_LISTED_NAMES", "Modifiers", "read_modifiers"]
+__all__ = ["BLOCK", "ENFORCE", "MAX_LISTED_NAMES", "NEGATIVE", "VolumeTypes", "read_volume_types"]
+
+ENFORCE: Final = "support enforcer"
+BLOCK: Final = "support blocker"
+NEGATIVE: Final = "negative volume"
+IGNORED: Final = "ignored"
 
 CONFIG_FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
-PRINTED_KINDS: Final = frozenset({"modelpart", "normal_part", ""})
+TYPES: Final = {
+    "": PART,
+    "modelpart": PART,
+    "normal_part": PART,
+    "supportenforcer": ENFORCE,
+    "support_enforcer": ENFORCE,
+    "supportblocker": BLOCK,
+    "support_blocker": BLOCK,
+    "negativevolume": NEGATIVE,
+    "negative_part": NEGATIVE,
+}
+"""Types of volumes by their names in the files of PrusaSlicer, and of Bambu Studio and OrcaSlicer, in lower case."""
 MAX_LISTED_NAMES: Final = 5
 LONGEST_NAME: Final = 40
-NEGATIVE_KINDS: Final = frozenset({"negativevolume", "negative_part"})
 
 
 class _Volume(Struct, frozen=True):
-    """A volume that must not be printed."""
+    """A volume that must not be printed, with its name and type in the file."""
 
     name: str
     kind: str
+
+    @property
+    def volume_type(self) -> str:
+        """The type of the volume."""
+        return TYPES.get(self.kind.lower(), IGNORED)
 
     def describe(self) -> str:
         """Return the name and the kind for messages."""
         return f"'{self.name[:LONGEST_NAME]}' ({self.kind[:LONGEST_NAME]})"
 
 
-class Modifiers(XmlReader):
+class VolumeTypes(XmlReader):
     """Object names and volumes that must not be printed, from the configuration file of a slicer."""
 
     def __init__(self, path: Path, limits: Limits, what: str) -> None:
@@ -99,7 +119,7 @@ class Modifiers(XmlReader):
 
     def _build_unprinted_volume(self) -> _Volume | None:
         """Return the current volume if it must not be printed."""
-        if self._kind.lower() in PRINTED_KINDS:
+        if TYPES.get(self._kind.lower()) == PART:
             return None
         self._n_unprinted += 1
         if self._n_unprinted > self.limits.instances:
@@ -113,50 +133,77 @@ class Modifiers(XmlReader):
             if body is not None:
                 body.label = body.label or name
 
-    def remove_unprinted(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> list[str]:
-        """Remove the volumes that must not be printed from the objects of a model file.
+    def separate_volumes(self, bodies: dict[Hashable, ObjectBuilder], part: str, path: Path) -> list[str]:
+        """Make the volumes that must not be printed components of their objects, each with its type.
+
+        Args:
+            bodies: key -> object; changed.
+            part: the model file whose objects the slicer describes.
+            path: for messages.
 
         Returns:
-            Warnings.
+            Warnings about the volumes that have no effect.
         """
-        taken: list[_Volume] = []
+        ignored: list[_Volume] = []
         for number, ranges in self.ranges.items():
             body = bodies.get((part, number))
-            if body is None:
-                continue
-            keep = np.ones(len(body.corners) // 3, dtype=np.bool_)
-            for (first, last), volume in ranges:
-                keep[max(first, 0) : max(last + 1, 0)] = False
-                taken.append(volume)
-            corners = np.frombuffer(body.corners, dtype=np.int64).reshape(-1, 3)[keep]
-            bodies[part, number] = ObjectBuilder(
-                body.name, body.xyz, array("q", corners.tobytes()), body.parts, body.label
-            )
+            if body is not None:
+                volumes = _separate_ranges(body, ranges, path)
+                ignored += [volume for _, volume in ranges if volume.volume_type == IGNORED]
+                references = []
+                for k, ((_, volume), own) in enumerate(zip(ranges, volumes[1:], strict=True)):
+                    key = (part, number, k)
+                    bodies[key] = own
+                    references.append(ObjectReference(key, volume_type=volume.volume_type))
+                bodies[part, number] = volumes[0]
+                volumes[0].parts.extend(references)
         for (number, child), volume in self.components.items():
             body = bodies.get((part, number))
             if body is None:
                 continue
-            kept = [use for use in body.parts if not (isinstance(use.key, tuple) and use.key[1] == child)]
-            taken += [volume] * (len(body.parts) - len(kept))
-            bodies[part, number] = ObjectBuilder(body.name, body.xyz, body.corners, kept, body.label)
-        return _describe_removed(taken)
+            is_volume = [isinstance(use.key, tuple) and use.key[1] == child for use in body.parts]
+            body.parts[:] = [
+                replace(use, volume_type=volume.volume_type) if own else use
+                for use, own in zip(body.parts, is_volume, strict=True)
+            ]
+            ignored += [volume] * (sum(is_volume) if volume.volume_type == IGNORED else 0)
+        return _describe_ignored(ignored)
 
 
-def _describe_removed(taken: Sequence[_Volume]) -> list[str]:
-    """Return warnings about the removed volumes."""
-    if not taken:
+def _separate_ranges(
+    body: ObjectBuilder, ranges: Sequence[tuple[tuple[int, int], _Volume]], path: Path
+) -> list[ObjectBuilder]:
+    """Divide an object into the facets of no range and those of each range."""
+    corners = body.indices(path)
+    owner = np.zeros(len(corners), dtype=np.int64)
+    for k, ((first, last), _) in enumerate(ranges):
+        owner[max(first, 0) : max(last + 1, 0)] = k + 1
+    order = np.argsort(owner, kind="stable")
+    start = np.searchsorted(owner[order], np.arange(len(ranges) + 2))
+    rank = np.zeros(len(corners), dtype=np.int64)
+    rank[order] = np.arange(len(corners)) - start[owner[order]]
+    paint: list[dict[int, str]] = [{} for _ in range(len(ranges) + 1)]
+    for facet, text in body.paint.items():
+        paint[owner[facet]][int(rank[facet])] = text
+    divided = []
+    for k in range(len(ranges) + 1):
+        xyz, own = body.xyz, corners[order[start[k] : start[k + 1]]]
+        if k:  # keep only the points of the volume: there may be many volumes
+            used, own = np.unique(own, return_inverse=True)
+            points = np.frombuffer(body.xyz, dtype=np.float64).reshape(-1, 3)
+            xyz = array("d", points[used].tobytes())
+        numbers = array("q", own.astype(np.int64).tobytes())
+        parts = [] if k else body.parts
+        divided.append(ObjectBuilder(body.name, xyz, numbers, parts, body.label, paint[k]))
+    return divided
+
+
+def _describe_ignored(volumes: Sequence[_Volume]) -> list[str]:
+    """Return a warning about volumes that have no effect."""
+    if not volumes:
         return []
-    count = "1 volume that only changes" if len(taken) == 1 else f"{len(taken)} volumes that only change"
-    verb = "is" if len(taken) == 1 else "are"
-    notes = [f"{count} settings, supports or other volumes {verb} left out: {_list_volumes(taken)}"]
-    if holes := [volume for volume in taken if volume.kind.lower() in NEGATIVE_KINDS]:
-        them = (
-            "1 of them is a negative volume and is"
-            if len(holes) == 1
-            else f"{len(holes)} of them are negative volumes and are"
-        )
-        notes.append(f"{them} not cut out: {_list_volumes(holes)}")
-    return notes
+    what = "1 modifier is" if len(volumes) == 1 else f"{len(volumes)} modifiers are"
+    return [f"{what} ignored, with the settings: {_list_volumes(volumes)}"]
 
 
 def _list_volumes(volumes: Sequence[_Volume]) -> str:
@@ -165,14 +212,14 @@ def _list_volumes(volumes: Sequence[_Volume]) -> str:
     return ", ".join(volume.describe() for volume in volumes[:MAX_LISTED_NAMES]) + more
 
 
-def read_modifiers(archive: Archive, limits: Limits) -> Modifiers:
+def read_volume_types(archive: Archive, limits: Limits) -> VolumeTypes:
     """Read a slicer's data about volumes from an archive; empty if no slicer wrote the archive.
 
     Raises:
         MeshError: the slicer's file is not valid XML.
     """
     name = next((name for name in CONFIG_FILES if name in archive), "")
-    reader = Modifiers(archive.path, limits, name)
+    reader = VolumeTypes(archive.path, limits, name)
     if name:
         reader.read(archive.read_chunks(name))
     return reader
