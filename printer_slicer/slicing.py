@@ -13,21 +13,34 @@ from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
 from printer_slicer.geometry.plane_sections import Crossings, intersect_with_planes
-from printer_slicer.geometry.slab_projection import project_slabs
-from printer_slicer.model import Contours, Gap, LayerPlan, Mesh, MeshFaults, Repair, Sections
+from printer_slicer.geometry.slab_projection import BESIDE, project_slabs
+from printer_slicer.healing import repair
+from printer_slicer.model import (
+    Contours,
+    Gap,
+    LayerPlan,
+    Mesh,
+    MeshFaults,
+    Repair,
+    Sections,
+    Volumes,
+    VolumeSections,
+)
 
-__all__ = ["contours", "cut", "find_gaps", "find_mesh_faults", "list_section_repairs"]
+__all__ = ["contours", "cut", "cut_volumes", "find_gaps", "find_mesh_faults", "list_section_repairs"]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
 _CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
 _MOST_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
+_BLOCKER_MARGIN = 0.01  # mm; blockers are grown by this, so that no slivers remain at their sides
+_PAINT_MARGIN = 0.1  # mm; painted facets are grown by this
 _MEND = "Close the mesh in your CAD program: look for missing or flipped faces there"
 
 
 def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
-    """Compute the solid area of the part in each layer.
+    """Compute the solid area of the part in each layer, without the negative volumes.
 
     Args:
         mesh: the part, standing on z = 0.
@@ -47,7 +60,71 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
             remedy="Check size and unit of the part: it may be thinner than one layer, or inside out",
         )
     inverted = None if exact else _find_inverted_areas(rings.areas, solid)
+    if mesh.volumes and mesh.volumes.negative:
+        solid = _subtract_negative(mesh, mesh.volumes.negative, plan, solid)
     return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
+
+
+def _subtract_negative(mesh: Mesh, negative: Mesh, plan: LayerPlan, solid: Areas) -> Areas:
+    """Subtract the negative volumes from the solid areas.
+
+    Raises:
+        PartError: nothing remains.
+        MeshError: a negative volume is not closed.
+    """
+    remaining = difference(solid, _cut_closed(negative, plan))
+    if remaining.n_rings == 0:
+        raise PartError(
+            f"{mesh.name}: nothing remains of the part after the negative volumes were cut out",
+            remedy="Check the sizes and positions of the negative volumes",
+        )
+    return remaining
+
+
+def cut_volumes(volumes: Volumes, plan: LayerPlan) -> VolumeSections:
+    """Find the places of each layer where volumes and painted facets ask for supports or forbid them.
+
+    Args:
+        volumes: in the coordinates of the layers.
+        plan: the layers of the part.
+
+    Raises:
+        MeshError: the surface of an enforcer or blocker is open.
+    """
+    # A facet hangs in the layer whose cut is the first one above it.
+    low = np.concatenate([plan.bottom[:1], plan.cut[:-1]])
+    slabs = {
+        "mid": (low, plan.cut),
+        "positive": (plan.bottom, plan.top),
+        "negative": (np.concatenate([low[:1], plan.bottom[:-1]]), np.concatenate([low[:1], plan.top[:-1]])),
+    }
+    below, above = slabs[plan.containment]
+
+    def project(facets: Float) -> Areas:
+        """Return the areas of painted facets (P, 3, 3), seen from above."""
+        projected = project_slabs(_duplicate_level_facets(facets), below, above)
+        return offset(normalize(projected), _PAINT_MARGIN)
+
+    blocked = offset(_cut_closed(volumes.block, plan), _BLOCKER_MARGIN)
+    return VolumeSections(
+        union(_cut_closed(volumes.enforce, plan), project(volumes.enforced_facets)),
+        union(blocked, project(volumes.blocked_facets)),
+    )
+
+
+def _duplicate_level_facets(facets: Float) -> Float:
+    """Return facets with level ones in two copies, just below and just above their height.
+
+    A level facet at a border of two slabs would be in neither of them.
+    """
+    is_level = np.ptp(facets[..., 2], axis=1) < BESIDE
+    step = np.array([0.0, 0.0, 2 * BESIDE])
+    return np.concatenate([facets[~is_level], facets[is_level] - step, facets[is_level] + step])
+
+
+def _cut_closed(mesh: Mesh | None, plan: LayerPlan) -> Areas:
+    """Return the sections of a mesh that need not reach all layers; it is repaired if necessary."""
+    return normalize(_cut_rings(repair(mesh)[0], plan).areas) if mesh else Areas.empty(plan.n_layers)
 
 
 def _find_inverted_areas(rings: Areas, solid: Areas) -> Areas | None:

@@ -22,7 +22,7 @@ from printer_slicer.model.paths import (
 from printer_slicer.model.plate_objects import Labels, PlateObject
 from printer_slicer.model.supports import Bare, SupportPlan, Supports
 from printer_slicer.model.travels import Travels, find_travel_ends
-from printer_slicer.model.volumes import Volumes
+from printer_slicer.model.volumes import Volumes, VolumeSections
 from printer_slicer.model.walls import Walls
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
     "ToolChange",
     "Toolpaths",
     "Travels",
+    "VolumeSections",
     "Volumes",
     "Walls",
     "find_travel_ends",

@@ -10,10 +10,11 @@ import numpy as np
 
 from printer_slicer.arguments import check_argument
 from printer_slicer.arrays import Float, frozen_array
+from printer_slicer.geometry import Areas
 from printer_slicer.model.part import Mesh
 from printer_slicer.values import Struct, field, force_setattr
 
-__all__ = ["NO_VOLUMES", "Volumes"]
+__all__ = ["VolumeSections", "Volumes"]
 
 _MESHES: Final = ("enforce", "block", "negative")
 _PAINTED: Final = ("enforced_facets", "blocked_facets")
@@ -96,5 +97,13 @@ def _join(meshes: Sequence[Mesh | None]) -> Mesh | None:
     return Mesh(np.concatenate([mesh.triangles for mesh in given]), given[0].name)
 
 
-NO_VOLUMES: Final = Volumes()
-"""No volumes."""
+class VolumeSections(Struct, frozen=True, eq=False):
+    """The places of each layer where supports are asked for or forbidden.
+
+    Attributes:
+        enforce: within enforcers, or below facets that are painted to get a support.
+        block: within blockers, or below facets that are painted to get none.
+    """
+
+    enforce: Areas
+    block: Areas
