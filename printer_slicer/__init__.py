@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Sections,
         Toolpaths,
         Travels,
+        Volumes,
         Walls,
     )
     from printer_slicer.pipeline import overhangs, plan_part, slice_part, slice_stages
@@ -93,6 +94,7 @@ _HOMES = {
     "Toolpaths": "model",
     "Travels": "model",
     "Verdict": "inspection.dry_run.judging",
+    "Volumes": "model",
     "Walls": "model",
     "certify": "surface",
     "check_gcode": "inspection.coverage.model_check",
@@ -155,6 +157,7 @@ __all__ = [
     "Toolpaths",
     "Travels",
     "Verdict",
+    "Volumes",
     "Walls",
     "certify",
     "check_gcode",

@@ -30,6 +30,7 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "Sections": "Pass stages.sections of ps.slice_stages(mesh, profile)",
     "Strategies": "Pass your functions as ps.Strategies(planner=...)",
     "Surface": "Compute it with ps.read_surface(mesh)",
+    "Volumes": "Pass meshes as ps.Volumes(enforce=mesh, block=mesh)",
     "bytes": 'Pass a file name, pathlib.Path("part.gcode").read_bytes(), or job.text',
     "list": "Pass a list, such as [mesh]",
     "int": "Pass a whole number, without quotes",

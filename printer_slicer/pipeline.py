@@ -7,19 +7,30 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from types import NoneType
 from typing import Unpack
 
 import numpy as np
 
 from printer_slicer.adhesion import add_adhesion, place_on_raft
-from printer_slicer.arguments import check_arguments
+from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.curves import fit_arcs
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
 from printer_slicer.link_limiter import limit_link
-from printer_slicer.model import LayerPlan, Mesh, Overhangs, Program, Regions, Sections, Toolpaths, Walls
+from printer_slicer.model import (
+    LayerPlan,
+    Mesh,
+    Overhangs,
+    Program,
+    Regions,
+    Sections,
+    Toolpaths,
+    Volumes,
+    Walls,
+)
 from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
@@ -39,7 +50,7 @@ from printer_slicer.values import replace
 __all__ = ["overhangs", "plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
 
 
-@check_arguments(placement=Placement, strategies=Strategies)
+@check_arguments(placement=Placement, strategies=Strategies, volumes=(Volumes, NoneType))
 def slice_stages(  # noqa: PLR0913 - all options have defaults
     mesh: Mesh,
     profile: Profile,
@@ -49,6 +60,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     report: Report = quiet,
     strict: bool = False,
     strategies: Strategies = BUILT_IN,
+    volumes: Volumes | None = None,
 ) -> Stages:
     """Slice a part and keep the result of each stage.
 
@@ -60,13 +72,18 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
         strategies: user functions that replace built-in ones.
+        volumes: support enforcers and blockers and negative volumes, in the coordinates of `mesh`; they are added to
+            those of the mesh.
 
     Raises:
         UsageError: `mesh` is not a Mesh, `profile` is not a Profile, or there are not as many plans as objects.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
         StrategyError: a user's function returned an invalid value.
     """
-    return _slice([mesh], profile, placement, report, strategies, plan=plan, strict=strict)
+    check_argument("mesh", mesh, Mesh)
+    return _slice(
+        [mesh.with_volumes(volumes)], profile, placement, report, strategies, plan=plan, strict=strict
+    )
 
 
 def slice_for_output(

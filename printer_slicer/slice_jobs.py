@@ -15,7 +15,7 @@ from printer_slicer.importing.familiar import translate_changes
 from printer_slicer.inspection.lint.scan import lint_file, lint_text
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Mesh
+from printer_slicer.model import Mesh, Volumes
 from printer_slicer.pipeline import slice_for_output
 from printer_slicer.placing import IN_THE_MIDDLE, Placement
 from printer_slicer.profile import KINDS, Profile, load_profile
@@ -82,28 +82,32 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     report: Report = quiet,
     strict: bool = False,
     strategies: Strategies = BUILT_IN,
+    volumes: Volumes | None = None,
 ) -> Job:
     """Make a job from a part.
 
     Args:
-        part: a mesh to slice, or the result of `slice_stages`; then `placement` and `strict` have no effect.
+        part: a mesh to slice, or the result of `slice_stages`; then `placement`, `strict` and `volumes` have no
+            effect.
         profile: the profile to slice with.
         name: name of the job; empty: that of the part.
         placement: position of the part.
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
         strategies: user functions that replace built-in ones.
+        volumes: support enforcers and blockers and negative volumes, in the coordinates of the mesh.
 
     Raises:
         PrinterSlicerError: the part cannot be sliced.
     """
-    stages = (
-        part
-        if isinstance(part, Stages)
-        else slice_for_output(
-            [part], profile, placement=placement, report=report, strict=strict, strategies=strategies
+    if isinstance(part, Stages):
+        stages = part
+    else:
+        check_argument("mesh", part, Mesh)
+        meshes = [part.with_volumes(volumes)]
+        stages = slice_for_output(
+            meshes, profile, placement=placement, report=report, strict=strict, strategies=strategies
         )
-    )
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
     job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
@@ -119,6 +123,7 @@ def slice(  # noqa: A001 - called as ps.slice
     material: str | os.PathLike[str] | None = None,
     quality: str | os.PathLike[str] | None = None,
     profiles: Sequence[str | os.PathLike[str]] = (),
+    volumes: Volumes | None = None,
     **settings: object,
 ) -> Job:
     """Slice a model file or a mesh, and return the print job.
@@ -132,6 +137,8 @@ def slice(  # noqa: A001 - called as ps.slice
         material: material profile, named like the printer.
         quality: quality profile, named like the printer.
         profiles: folders of profiles that are searched before the user's and the shipped ones.
+        volumes: support enforcers and blockers and negative volumes, in the coordinates of the model; they are added to
+            those of a 3MF file.
         **settings: settings to change, by the names used here or by those of PrusaSlicer, OrcaSlicer and Cura. A key
             in a table is written with two underscores, or with a dict: `speeds__travel=120`, `speeds={"travel": 120}`.
             A percentage is text, such as "20%". A `layer_height` without a planner means uniform layers. Options of
@@ -142,6 +149,7 @@ def slice(  # noqa: A001 - called as ps.slice
         UsageError: a file cannot be read, or a profile or a setting does not exist or is out of bounds.
         PartError: the part does not fit the printer, or cannot be sliced.
     """
+    check_argument("volumes", volumes, (Volumes, NoneType))
     name = ""
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
@@ -154,7 +162,7 @@ def slice(  # noqa: A001 - called as ps.slice
     changes, notes = translate_changes(dict(_flatten_settings(_rename_options(settings))), load)
     profile = load_profile(**names, changes=changes, folders=profiles)
     part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
-    return replace(job_of(part, profile, name=name), notes=notes)
+    return replace(job_of(part, profile, name=name, volumes=volumes), notes=notes)
 
 
 def _check_model_path(given: object) -> Path:

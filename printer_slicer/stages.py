@@ -22,6 +22,7 @@ from printer_slicer.model import (
     Sections,
     Toolpaths,
     Travels,
+    Volumes,
     Walls,
 )
 from printer_slicer.placing import Placement
@@ -42,6 +43,7 @@ class SliceOptions(TypedDict, total=False):
     report: Report
     strict: bool
     strategies: Strategies
+    volumes: Volumes | None
 
 
 def check_part(mesh: Mesh, profile: Profile) -> None:

@@ -590,7 +590,18 @@ def _add_placement_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
-    """Add --drop, --units and --fuse, which control how the models are read from their files."""
+    """Add the options that control how the models are read from their files, and the volumes read with them."""
+    for name, what in (("enforcer", "supports are made under"), ("blocker", "no supports are made under")):
+        mark_advanced(
+            group.add_argument(
+                f"--support-{name}",
+                metavar="FILE",
+                type=Path,
+                action="append",
+                default=[],
+                help=f"a closed mesh; {what} overhangs within it; it is placed, scaled and rotated with the models",
+            )
+        )
     mark_advanced(
         group.add_argument(
             "--drop",

@@ -17,8 +17,10 @@ from printer_slicer.cli.settings import collect_changes
 from printer_slicer.errors import PartError
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
+from printer_slicer.model import Volumes
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
+from printer_slicer.supports.steering import list_volume_warnings
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -80,14 +82,11 @@ def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageRep
     """
     keep_freed_memory()
     room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
-    factors, models, meshes, warnings = arguments.scale, [], [], []
+    models, meshes, warnings = [], [], []
     for path in arguments.models:
-        model = load_model(path, units=arguments.units, progress=_make_progress_callback(report, path))
-        mesh = transform(
-            model.mesh, scale=factors[:3] if factors else 1.0, rotate=arguments.rotate or (0.0, 0.0, 0.0)
-        )
+        model, mesh = _load_transformed(arguments, path, report)
         warnings += [f"{path.name}: {note}" for note in model.notes]
-        unit_warning = model.size_warning(room) if factors is None and arguments.units is None else ""
+        unit_warning = model.size_warning(room) if arguments.scale is None and arguments.units is None else ""
         # A part that does not fit the bed is rejected when it is placed, with the same advice.
         warnings += [unit_warning] if unit_warning and (mesh.size <= room).all() else []
         models.append(_collect_model_facts(model))
@@ -98,8 +97,27 @@ def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageRep
         _reject_overlapping_files(arguments.models, meshes)
         _reject_overlapping_objects(models, meshes)
     warn(arguments, warnings)
-    mesh = copy_in_grid(join(meshes), arguments.copies, printer)
+    mesh = join(meshes).with_volumes(_load_volumes(arguments, report))
+    mesh = copy_in_grid(mesh, arguments.copies, printer)
     return mesh, Plate(placement, tuple(warnings), tuple(models))
+
+
+def _load_transformed(arguments: argparse.Namespace, path: Path, report: StageReport) -> tuple[Model, Mesh]:
+    """Read a file; return the model, and its mesh scaled and rotated."""
+    model = load_model(path, units=arguments.units, progress=_make_progress_callback(report, path))
+    scale = arguments.scale[:3] if arguments.scale else 1.0
+    return model, transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+
+
+def _load_volumes(arguments: argparse.Namespace, report: StageReport) -> Volumes | None:
+    """Read the support enforcers and blockers of a command line."""
+    enforcers, blockers = (
+        [replace(_load_transformed(arguments, path, report)[1], volumes=None, objects=()) for path in paths]
+        for paths in (arguments.support_enforcer, arguments.support_blocker)
+    )
+    return Volumes.joined(
+        [*(Volumes(enforce=mesh) for mesh in enforcers), *(Volumes(block=mesh) for mesh in blockers)]
+    )
 
 
 def _make_placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
@@ -301,16 +319,15 @@ def apply_projects(
         UsageError: a project is damaged, or its settings contradict the profile.
     """
     projects = _read_projects(arguments, profile, mesh)
-    if not projects:
-        return profile, plate
-    changes, unused = _collect_project_changes(arguments, profile, projects)
+    changes, warnings = _collect_project_changes(arguments, profile, projects) if projects else ({}, [])
     if not arguments.quiet:
         for path, project in projects.items():
             for text in project.used:
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
-    warn(arguments, unused)
-    plate = replace(plate, warnings=(*plate.warnings, *unused))
-    return profile_with(profile, changes) if changes else profile, plate
+    profile = profile_with(profile, changes) if changes else profile
+    warnings += list_volume_warnings(mesh.volumes, profile)
+    warn(arguments, warnings)
+    return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
 
 def _read_projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:

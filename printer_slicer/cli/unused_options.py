@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from printer_slicer.cli.arguments import SETTING_OPTIONS
@@ -11,7 +11,7 @@ from printer_slicer.errors import UsageError
 
 __all__ = ["reject_model_options", "reject_options_without_model"]
 
-_MODEL_DEFAULTS: Final = {
+_MODEL_DEFAULTS: Final[Mapping[str, object]] = {
     "units": None,
     "scale": None,
     "rotate": None,
@@ -20,6 +20,8 @@ _MODEL_DEFAULTS: Final = {
     "drop": True,
     "fuse": False,
     "copies": 1,
+    "support_enforcer": [],
+    "support_blocker": [],
 }
 """Defaults of the options for models."""
 _SLICING_OPTIONS: Final = ("quality", "range", "set_for", "load", "strict")

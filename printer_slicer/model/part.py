@@ -13,7 +13,7 @@ from printer_slicer.errors import MeshError, UsageError
 from printer_slicer.model.plate_objects import PlateObject
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.texts import describe_type
-from printer_slicer.values import Struct, force_setattr
+from printer_slicer.values import Struct, force_setattr, replace
 
 if TYPE_CHECKING:
     import trimesh
@@ -135,6 +135,10 @@ class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
             a, b, c = np.subtract(block.T, origin, order="C").reshape(3, 3, -1)
             total += sum(float(a[i] @ (b[i - 2] * c[i - 1] - b[i - 1] * c[i - 2])) for i in range(3))
         return total / 6
+
+    def with_volumes(self, volumes: Volumes | None) -> Mesh:
+        """Return the part with these volumes added to its own."""
+        return replace(self, volumes=volumes.joined([self.volumes, volumes])) if volumes else self
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
         """Return the part shifted by (x, y, z) mm."""

@@ -123,7 +123,11 @@ def list_volume_warnings(volumes: Volumes | None, profile: Profile) -> list[str]
     if volumes is None:
         return []
     found = []
-    if volumes.has_enforcers and profile.quality.support == "off":
+    supports = {
+        profile.quality.support,
+        *(one.set.get("support", "off") for one in profile.quality.overrides),
+    }
+    if volumes.has_enforcers and supports == {"off"}:
         what = "support enforcers" if volumes.enforce else "facets painted for supports"
         found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
     if volumes.negative:
