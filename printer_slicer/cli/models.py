@@ -20,7 +20,6 @@ from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
-from printer_slicer.supports.steering import list_volume_warnings
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -325,7 +324,7 @@ def apply_projects(
             for text in project.used:
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
     profile = profile_with(profile, changes) if changes else profile
-    warnings += list_volume_warnings(mesh.volumes, profile)
+    warnings += _list_volume_warnings(mesh.volumes, profile)
     warn(arguments, warnings)
     return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
@@ -379,3 +378,20 @@ def _collect_project_changes(
         own = settings_as_dict(profile)["quality"].get("overrides", [])
         changes["quality.overrides"] = [*tables, *own]
     return changes, unused
+
+
+def _list_volume_warnings(volumes: Volumes | None, profile: Profile) -> list[str]:
+    """Return warnings about volumes and painted facets that have no effect, or an unexpected one."""
+    if volumes is None:
+        return []
+    found = []
+    supports = {
+        profile.quality.support,
+        *(one.set.get("support", "off") for one in profile.quality.overrides),
+    }
+    if volumes.has_enforcers and supports == {"off"}:
+        what = "support enforcers" if volumes.enforce else "facets painted for supports"
+        found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
+    if volumes.negative:
+        found.append("layer heights and the surface deviation are computed without the negative volumes")
+    return found

@@ -13,7 +13,7 @@ from printer_slicer.supports.islands import find_islands
 from printer_slicer.supports.patches import drop_small_groups, join_patches
 from printer_slicer.supports.slopes import compute_steps, find_strips, grow_by_step
 
-__all__ = ["find_overhangs"]
+__all__ = ["find_overhangs", "mark_flat_layers"]
 
 _SLIVER = 0.02  # mm, width of strips that are left out
 _FLAT = 0.2  # share of a patch that hangs in one layer, if the patch is not a slope
@@ -42,10 +42,10 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     cover = find_bridged(hanging, below, solid, regions, profile)
     left = union(difference(hanging, cover), islands)
     area, patch = join_patches(left, islands, cover, step, quality)
-    return Overhangs(plan, area, patch, islands, intersection(hanging, cover), _mark_flat_layers(area, patch))
+    return Overhangs(plan, area, patch, islands, intersection(hanging, cover), mark_flat_layers(area, patch))
 
 
-def _mark_flat_layers(area: Areas, ring_patch: Int) -> Bool:
+def mark_flat_layers(area: Areas, ring_patch: Int) -> Bool:
     """Return a mask (L,) of the layers in which more than a fifth of a patch hangs."""
     size, n_layers = area.ring_area(), area.n_layers
     whole = np.bincount(ring_patch, size)

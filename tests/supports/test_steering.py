@@ -12,11 +12,12 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, offset_open, union
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Sections, Volumes, VolumeSections
 from printer_slicer.slicing import cut, cut_volumes
-from printer_slicer.supports.steering import SteeredOverhangs, list_volume_warnings, steer
+from printer_slicer.supports.steering import SteeredOverhangs, steer
 from printer_slicer.values import replace
 from tests.parts import box, joined, plain, prism
 
 PLAN = LayerPlan.from_tops(np.arange(1, 151) * 0.2)
+QUALITY = plain().quality
 UNDER = 20.0
 """z of the lower sides of the arms of the tee, mm."""
 
@@ -45,7 +46,7 @@ def steered(
 ) -> SteeredOverhangs:
     sections = cut(part, plan, 0.001)
     area = everything_that_hangs(sections) if everything else None
-    return steer(hangs(sections, area), sections, cut_volumes(volumes, plan))
+    return steer(hangs(sections, area), sections, cut_volumes(volumes, plan), QUALITY)
 
 
 def facets_facing_down(part: Mesh, low: float, high: float) -> Float:
@@ -90,7 +91,7 @@ def test_enforced_bridges_are_no_bridges() -> None:
     sections = cut(tee(), PLAN, 0.001)
     everything = everything_that_hangs(sections)
     enforce = cut_volumes(Volumes(enforce=Mesh(box((30, 40, 4), (0, -20, UNDER - 2)).triangles)), PLAN)
-    overhangs = steer(hangs(sections, bridged=everything), sections, enforce).overhangs
+    overhangs = steer(hangs(sections, bridged=everything), sections, enforce, QUALITY).overhangs
 
     assert overhangs.area.area().sum() == pytest.approx(15 * 10)
     assert overhangs.bridged.area().sum() == pytest.approx(15 * 10)
@@ -128,9 +129,9 @@ def test_without_places_nothing_changes() -> None:
     sections = cut(tee(), PLAN, 0.001)
     overhangs = hangs(sections, everything_that_hangs(sections))
 
-    assert steer(overhangs, sections, cut_volumes(Volumes(), PLAN)).overhangs is overhangs
+    assert steer(overhangs, sections, cut_volumes(Volumes(), PLAN), QUALITY).overhangs is overhangs
     outside = Volumes(block=Mesh(box((4, 4, 4), (30, 30, 5)).triangles))
-    kept = steer(overhangs, sections, cut_volumes(outside, PLAN)).overhangs
+    kept = steer(overhangs, sections, cut_volumes(outside, PLAN), QUALITY).overhangs
     assert np.array_equal(kept.area.area(), overhangs.area.area())
 
 
@@ -138,7 +139,7 @@ def test_blocked_islands_are_reported() -> None:
     sections = cut(tee(), PLAN, 0.001)
     islands = everything_that_hangs(sections)
     block = cut_volumes(Volumes(block=Mesh(box((30, 40, 4), (0, -20, UNDER - 2)).triangles)), PLAN)
-    result = steer(hangs(sections, islands, islands=islands), sections, block)
+    result = steer(hangs(sections, islands, islands=islands), sections, block, QUALITY)
     (island,) = result.blocked
 
     assert (island.x, island.y, island.z) == pytest.approx((12.5, 0, UNDER))
@@ -224,23 +225,6 @@ def test_a_part_of_which_nothing_remains_is_refused() -> None:
 
     with pytest.raises(PartError, match="tee: nothing remains"):
         cut(part, PLAN, 0.001)
-
-
-# Warnings
-
-
-def test_volumes_without_effect_are_reported() -> None:
-    profile = plain()
-    mesh = Mesh(box((4, 4, 4)).triangles)
-    (off,) = list_volume_warnings(Volumes(enforce=mesh), profile)
-
-    assert "supports are off" in off
-    assert "painted" in list_volume_warnings(Volumes(enforced_facets=mesh.triangles), profile)[0]
-    assert list_volume_warnings(Volumes(block=mesh), profile) == []
-    assert list_volume_warnings(None, profile) == []
-    assert "negative volumes" in list_volume_warnings(Volumes(negative=mesh), profile)[0]
-    on = replace(profile, quality=replace(profile.quality, support="auto"))
-    assert list_volume_warnings(Volumes(enforce=mesh), on) == []
 
 
 def test_places_of_volumes_and_paint_add_up() -> None:
