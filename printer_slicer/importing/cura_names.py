@@ -110,6 +110,17 @@ CURA_NAMES: Final[Mapping[str, str]] = {
     "skirt_distance": "skirt_gap",
     "brim_separation": "brim_gap",
     "support_material": "support_enable",
+    "support_material_style": "support_structure",
+    "support_material_contact_distance": "support_top_distance",
+    "support_material_bottom_contact_distance": "support_bottom_distance",
+    "support_material_xy_spacing": "support_xy_distance",
+    "support_material_with_sheath": "support_wall_count",
+    "minimum_support_area": "minimum_support_area",
+    "support_tree_angle": "support_tree_angle",
+    "support_tree_angle_slow": "support_tree_angle_slow",
+    "support_tree_branch_diameter": "support_tree_branch_diameter",
+    "support_tree_branch_diameter_angle": "support_tree_branch_diameter_angle",
+    "support_tree_tip_diameter": "support_tree_tip_diameter",
 }
 
 
@@ -137,7 +148,7 @@ def translate_cura(get: _GetValue, place: _GetPlace) -> dict[str, SourceSetting]
     for name, cura in CURA_NAMES.items():
         with suppress(CuraExpressionError):
             put(name, cura, _format_value(get(cura)))
-    for convert in (_convert_machine, _convert_material, _convert_quality, _convert_raft):
+    for convert in (_convert_machine, _convert_material, _convert_quality, _convert_raft, _convert_supports):
         convert(get, put)
     return entries
 
@@ -302,3 +313,34 @@ def _convert_raft(get: _GetValue, put: _PutSetting) -> None:
     put("raft_layers", "raft_base_thickness", _format_value(max(round((total - first) / height) + 1, 1)))
     put("raft_contact_distance", "raft_airgap", _format_value(get("raft_airgap")))
     put("raft_first_layer_expansion", "raft_margin", _format_value(get("raft_margin")))
+
+
+def _convert_supports(get: _GetValue, put: _PutSetting) -> None:
+    """Convert settings of supports that have another meaning; a definition may lack any of them."""
+
+    def convert(name: str, cura: str, change: Callable[[Any], float | bool]) -> None:
+        value = _get_value_or_default(get, cura, None)
+        if value is not None:
+            put(name, cura, _format_value(change(value)))
+
+    convert("support_material_threshold", "support_angle", lambda angle: 90 - float(angle))
+    convert("support_material_buildplate_only", "support_type", lambda where: where == "buildplate")
+    convert("support_material_closing_radius", "support_join_distance", lambda gap: float(gap) / 2)
+    if _get_value_or_default(get, "support_line_distance", 0):
+        convert("support_material_spacing", "support_line_distance", float)
+    has_roof = _get_value_or_default(get, "support_roof_enable", None)
+    if has_roof:
+        height = float(get("layer_height"))
+        convert(
+            "support_material_interface_layers",
+            "support_roof_height",
+            lambda roof: max(round(float(roof) / height), 1),
+        )
+        width = float(_get_value_or_default(get, "support_roof_line_width", 0) or get("wall_line_width_x"))
+        convert(
+            "support_material_interface_spacing",
+            "support_roof_line_distance",
+            lambda distance: round(max(float(distance) - width, 0), 6),
+        )
+    elif has_roof is not None:
+        put("support_material_interface_layers", "support_roof_enable", "0")

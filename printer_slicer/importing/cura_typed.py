@@ -21,6 +21,8 @@ _WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "infill_pattern": (*CURA_PATTERNS, "grid", "triangles", "cubic", "concentric", "gyroid", "lightning"),
     "inset_direction": ("inside_out", "outside_in"),
     "machine_shape": ("rectangular", "elliptic"),
+    "support_structure": ("normal", "tree"),
+    "support_type": ("everywhere", "buildplate"),
     "retraction_combing": ("off", "all", "no_outer_surfaces", "noskin", "infill"),
     "z_seam_type": tuple(CURA_SEAMS),
 }
@@ -49,6 +51,9 @@ _CHILDREN: Final[Mapping[str, tuple[str, ...]]] = {
     "retraction_speed": ("retraction_retract_speed", "retraction_prime_speed"),
     "speed_layer_0": ("speed_print_layer_0",),
     "speed_topbottom": ("speed_roofing",),
+    "support_interface_enable": ("support_roof_enable",),
+    "support_interface_height": ("support_roof_height",),
+    "support_z_distance": ("support_top_distance", "support_bottom_distance"),
     "wall_line_width": ("wall_line_width_0", "wall_line_width_x"),
 }
 """Setting -> settings that have the same value unless they are set too. Source: Cura's fdmprinter definition."""
@@ -104,6 +109,12 @@ CURA_SETTINGS: Final = (
         "retraction_hop",
         "retraction_hop_enabled",
         "skirt_line_count",
+        "support_angle",
+        "support_join_distance",
+        "support_line_distance",
+        "support_roof_enable",
+        "support_roof_height",
+        "support_roof_line_distance",
         "xy_offset_layer_0",
     }
     | {f"machine_max_feedrate_{axis}" for axis in "xyze"}
@@ -223,7 +234,14 @@ def _parse_value(name: str, text: str, usual: Mapping[str, Any]) -> Any:
 
 def _describe_profile(profile: Profile) -> dict[str, Any]:
     """Return the settings of Cura that a translation needs, with the values of a profile."""
-    parts = (_describe_printer, _describe_material, _describe_quality, _describe_walls, _describe_adhesion)
+    parts = (
+        _describe_printer,
+        _describe_material,
+        _describe_quality,
+        _describe_walls,
+        _describe_adhesion,
+        _describe_supports,
+    )
     return {key: value for describe in parts for key, value in describe(profile).items()}
 
 
@@ -320,4 +338,16 @@ def _describe_adhesion(profile: Profile) -> dict[str, Any]:
         "raft_surface_thickness": quality.layer_height,
         "raft_airgap": quality.raft_gap,
         "raft_margin": quality.raft_margin,
+    }
+
+
+def _describe_supports(profile: Profile) -> dict[str, Any]:
+    """Return the settings of supports that are switches or words."""
+    quality = profile.quality
+    return {
+        "support_enable": quality.support != "off",
+        "support_structure": "tree" if quality.support == "tree" else "normal",
+        "support_type": "buildplate" if quality.support_on_bed_only else "everywhere",
+        "support_interface_enable": quality.support_interface_layers > 0,
+        "support_roof_enable": quality.support_interface_layers > 0,
     }

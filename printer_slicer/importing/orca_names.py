@@ -103,6 +103,22 @@ ORCA_NAMES: Final[Mapping[str, str]] = {
     "overhang_4_4_speed": "overhang_speed_0",
     "is_infill_first": "infill_first",
     "enable_support": "support_material",
+    "support_style": "support_material_style",
+    "support_threshold_angle": "support_material_threshold",
+    "support_top_z_distance": "support_material_contact_distance",
+    "support_bottom_z_distance": "support_material_bottom_contact_distance",
+    "support_object_xy_distance": "support_material_xy_spacing",
+    "support_on_build_plate_only": "support_material_buildplate_only",
+    "support_interface_top_layers": "support_material_interface_layers",
+    "support_interface_spacing": "support_material_interface_spacing",
+    "support_base_pattern_spacing": "support_material_spacing",
+    "support_expansion": "support_material_expansion",
+    "bridge_no_support": "dont_support_bridges",
+    "tree_support_branch_angle": "support_tree_angle",
+    "tree_support_angle_slow": "support_tree_angle_slow",
+    "tree_support_branch_diameter": "support_tree_branch_diameter",
+    "tree_support_branch_diameter_angle": "support_tree_branch_diameter_angle",
+    "tree_support_tip_diameter": "support_tree_tip_diameter",
 }
 """OrcaSlicer's name -> PrusaSlicer's name, where they differ."""
 
@@ -110,6 +126,7 @@ ORCA_ONLY: Final = frozenset(
     {
         "enable_overhang_bridge_fan",
         "enable_pressure_advance",
+        "independent_support_layer_height",
         "overhang_fan_threshold",
         "scarf_angle_threshold",
         "seam_slope_conditional",
@@ -121,6 +138,7 @@ ORCA_ONLY: Final = frozenset(
         "seam_slope_type",
         "small_perimeter_threshold",
         "staggered_inner_seams",
+        "support_type",
         "wall_infill_order",
         "wall_sequence",
         "xy_hole_compensation",

@@ -19,7 +19,7 @@ _ALL: Final = re.compile(
 )
 _PRUSASLICER: Final = re.compile(
     r"external_perimeter_speed|(top_)?solid_infill_speed|first_layer(_infill)?_speed"
-    r"|support_material_interface_speed"
+    r"|support_material_interface_speed|support_material_xy_spacing"
 )
 _ORCA: Final = re.compile(
     r"solid_infill_overlap|seam_slope_start_height|overhang_fan_threshold|bridge_speed_internal|first_layer_travel_speed"

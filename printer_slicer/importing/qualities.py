@@ -12,6 +12,7 @@ from printer_slicer.importing.object_overrides import add_object_overrides
 from printer_slicer.importing.presets import OFF_WORDS, ON_WORDS, Preset
 from printer_slicer.importing.results import ImportedProfile
 from printer_slicer.importing.speeds import convert_speeds
+from printer_slicer.importing.supports import convert_supports
 from printer_slicer.macros import MacroFault
 
 __all__ = ["convert_quality"]
@@ -135,6 +136,7 @@ def convert_quality(preset: Preset) -> ImportedProfile:
     _convert_shells(conversion, height)
     _convert_infill(conversion, height, width)
     _convert_adhesion(conversion, height)
+    convert_supports(conversion, height, width)
     convert_speeds(conversion)
     done = conversion.finish(
         lambda name: _explain_unsupported(name, supports=preset.is_on("support_material"))
@@ -532,8 +534,8 @@ def _explain_unsupported(name: str, *, supports: bool) -> str:
         name: name of the setting.
         supports: whether the source prints supports.
     """
-    if name.startswith("support_") or name == "dont_support_bridges":
-        return "supports are not available here" if supports else SUPPORTS_OFF
+    if name.startswith("support_") and not supports:
+        return SUPPORTS_OFF
     if name.startswith(
         ("wipe_tower", "ooze_prevention", "standby_temperature", "mmu_", "single_extruder")
     ) or name.endswith(("_extruder", "interface_shells")):

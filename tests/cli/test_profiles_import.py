@@ -48,6 +48,7 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
     changes = {
         "fill_pattern": "stars",
         "support_material": "1",
+        "support_material_auto": "0",
         "perimeter_generator": "classic",
         "perimeters": "140",
     }
@@ -64,7 +65,8 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
     assert [line.split()[0] for line in lines[:3]] == ["printer", "material", "quality"]
     assert lines[3:10] == [
         "largest differences from the source:",
-        "  quality: support_material = 1 is not imported (supports are not available here)",
+        "  quality: support_material = 1 -> support = auto (only enforced places get supports in the source; here all "
+        "overhangs do)",
         "  quality: perimeters = 140 -> perimeters = 100 (100 is the maximum here)",
         "  quality: fuzzy_skin = all is not imported (no equivalent)",
         "  quality: complete_objects = 1 is not imported (no equivalent)",
@@ -81,13 +83,13 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
 
 
 def test_verbose_names_every_setting(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, said, _ = run(capsys, flat_file(tmp_path), "-v")
+    _, said, _ = run(capsys, flat_file(tmp_path, support_material_pattern="rectilinear"), "-v")
 
     assert (
         "external_perimeter_speed = 50% -> speeds.external_perimeter = 24 (percentage of perimeter_speed)"
         in said
     )
-    assert "not applicable: support_material_spacing = 2.5 (supports are off)" in said
+    assert "not applicable: support_material_pattern = rectilinear (supports are off)" in said
     assert "largest differences" not in said
 
 

@@ -128,7 +128,7 @@ def test_what_is_not_used_is_named_and_in_the_json(tmp_path: Path) -> None:
     path = project(
         tmp_path,
         {
-            "lid": {"brim_width": "5", "support_material": "1", "layer_height": "0.1"},
+            "lid": {"brim_width": "5", "support_material_synchronize_layers": "1", "layer_height": "0.1"},
             "box": {"fill_density": "abc"},
         },
         {"Metadata/Slic3r_PE.config": "; perimeters = 3\n; layer_height = 0.2\n; fill_density = 20%\n"},
@@ -139,7 +139,7 @@ def test_what_is_not_used_is_named_and_in_the_json(tmp_path: Path) -> None:
 
     assert outcome.code == 0
     assert "project.3mf: lid: brim_width = 5 is not used" in warnings
-    assert "project.3mf: lid: support_material = 1 is not used" in warnings
+    assert "project.3mf: lid: support_material_synchronize_layers = 1 is not used" in warnings
     assert (
         "project.3mf: lid: layer_height = 0.1 is not used: all objects on a plate have the same layers"
         in warnings

@@ -52,7 +52,7 @@ def test_the_overlap_of_infill_with_the_perimeters_is_taken(
 
 
 def test_the_report_lists_converted_and_unsupported_settings(tmp_path: Path) -> None:
-    quality = imported(flat_file(tmp_path))["quality"]
+    quality = imported(flat_file(tmp_path, support_material_pattern="rectilinear"))["quality"]
     taken = {one.ours: one for one in quality.taken}
     left = {one.theirs: one for one in quality.left}
 
@@ -64,7 +64,8 @@ def test_the_report_lists_converted_and_unsupported_settings(tmp_path: Path) -> 
     assert taken["speeds.external_perimeter"].how == "percentage of perimeter_speed"
     assert taken["top_thickness"].value == 1
     assert "5 layers" in taken["top_thickness"].how
-    assert left["support_material_spacing"].why == "supports are off"
+    assert left["support_material_pattern"].why == "supports are off"
+    assert "support_material_spacing" not in left
     assert not {"temperature", "bed_shape", "print_settings_id"} & set(left)
 
 

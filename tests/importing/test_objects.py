@@ -70,14 +70,14 @@ def test_settings_of_an_object_become_overrides(tmp_path: Path) -> None:
 
 
 def test_settings_of_the_whole_plate_are_reported(tmp_path: Path) -> None:
-    lid = {"brim_width": "5", "support_material": "1", "layer_height": "0.1"}
+    lid = {"brim_width": "5", "support_material_synchronize_layers": "1", "layer_height": "0.1"}
     made = quality(tmp_path, body("lid", lid) + body("box", {}))
 
     assert "overrides" not in made.values
     left = {one.theirs: one.why for one in made.left if one.theirs.startswith("lid: ")}
     assert left == {
         "lid: brim_width": "brim_width is the same for the whole plate here",
-        "lid: support_material": "supports are not available here",
+        "lid: support_material_synchronize_layers": "support_sync is the same for the whole plate here",
         "lid: layer_height": "all objects on a plate have the same layers",
     }
 

@@ -204,12 +204,15 @@ def test_settings_in_its_gcode_are_found(tmp_path: Path, begin: str) -> None:
 
 def test_a_preset_without_a_name_reports_settings_without_equivalent(tmp_path: Path) -> None:
     path = json_file(
-        tmp_path / "a.json", {"type": "process", "layer_height": "0.2", "enable_support": "1", "x": {"y": 1}}
+        tmp_path / "a.json",
+        {"type": "process", "layer_height": "0.2", "reduce_infill_retraction": "1", "x": {"y": 1}},
     )
     (made,) = import_profiles(path, ImportRequest())
 
     assert isinstance(made, ImportedProfile)
-    assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == ["enable_support"]
+    assert [one.theirs for one in made.left if not one.off and one.theirs != "type"] == [
+        "reduce_infill_retraction"
+    ]
 
 
 @pytest.mark.parametrize("begin", ["", "; filament start gcode\n", ";;; a ; b\n"])
