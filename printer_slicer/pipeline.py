@@ -39,10 +39,10 @@ from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.roles import roles_with
-from printer_slicer.slicing import list_section_repairs
+from printer_slicer.slicing import cut_volumes, list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
-from printer_slicer.supports import find_overhangs
+from printer_slicer.supports import find_overhangs, steer
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
@@ -189,7 +189,7 @@ def _make_paths(
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
-    overhangs = Overhangs.joined(list(map(find_overhangs, sections, regions, own)))
+    overhangs = _find_overhangs(part, sections, regions, own)
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
@@ -220,13 +220,14 @@ def _divide(
     return walls, list(map(classify, sections, walls, own))
 
 
-@check_arguments(mesh=Mesh, profile=Profile, placement=Placement)
+@check_arguments(mesh=Mesh, profile=Profile, placement=Placement, volumes=(Volumes, NoneType))
 def overhangs(
     mesh: Mesh,
     profile: Profile,
     *,
     plan: LayerPlan | Sequence[LayerPlan] | None = None,
     placement: Placement = IN_THE_MIDDLE,
+    volumes: Volumes | None = None,
 ) -> Overhangs:
     """Find the areas of a part that need supports, without slicing it completely.
 
@@ -236,17 +237,36 @@ def overhangs(
             `support_min_area` and `support_min_reach` decide what needs supports. `quality.support` has no effect.
         plan: the layer plan, or one for each object; default: the profile's planner makes it.
         placement: position of the part; default: the middle of the bed.
+        volumes: support enforcers and blockers, in the coordinates of `mesh`; they are added to those of the mesh.
 
     Raises:
         UsageError: `mesh` is not a Mesh, `profile` is not a Profile, or there are not as many plans as objects.
         PartError: the part does not fit, cannot be repaired, or cannot be divided into layers.
     """
     check_part(mesh, profile)
-    part = place(repair(mesh)[0], profile.printer, placement)
+    part = place(repair(mesh.with_volumes(volumes))[0], profile.printer, placement)
     plan = plan_part(part, profile) if plan is None else plan
     sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
-    return Overhangs.joined(list(map(find_overhangs, sections, regions, own)))
+    return _find_overhangs(part, sections, regions, own, always_steer=True)
+
+
+def _find_overhangs(
+    part: Mesh,
+    sections: Sequence[Sections],
+    regions: Sequence[Regions],
+    own: Sequence[Profile],
+    *,
+    always_steer: bool = False,
+) -> Overhangs:
+    """Return what hangs in all objects; volumes of the part apply to objects with supports, or to all objects."""
+    found = []
+    for solid, area, profile in zip(sections, regions, own, strict=True):
+        overhangs = find_overhangs(solid, area, profile)
+        if part.volumes and (always_steer or profile.quality.support != "off"):
+            overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), profile.quality)
+        found.append(overhangs)
+    return Overhangs.joined(found)
 
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)

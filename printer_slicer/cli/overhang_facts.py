@@ -12,7 +12,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.stages import Stages
 from printer_slicer.texts import format_count, format_significant
 
-__all__ = ["collect_overhang_facts", "format_overhang_sentences"]
+__all__ = ["collect_overhang_facts", "format_overhang_sentences", "list_blocked_island_warnings"]
 
 _MOST_PLACES: Final = 3  # places of each kind that are listed
 
@@ -42,6 +42,19 @@ def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] |
         "islands": islands.count,
         "largest_islands": _list_largest(islands.areas, found.plan.bottom[islands.layer], stages.shift),
     }
+
+
+def list_blocked_island_warnings(stages: Stages) -> list[str]:
+    """Return a warning about each of the largest islands that get no support because they are blocked."""
+    blocked = sorted(stages.overhangs.blocked if stages.overhangs else (), key=lambda place: -place.area)
+    warnings = []
+    for place in blocked[:_MOST_PLACES]:
+        x, y, z = (np.array([place.x, place.y, place.z]) + stages.shift).tolist()
+        warnings.append(
+            f"an island of {format_significant(place.area)} mm² at x, y, z {x:.1f}, {y:.1f}, {z:.1f} begins with "
+            f"nothing below: {place.reason}"
+        )
+    return warnings
 
 
 def _list_largest(areas: Areas, z: Float, shift: Float) -> list[dict[str, float]]:

@@ -31,6 +31,8 @@ _CONVERTED_WEIGHTS: Final[tuple[tuple[str, int], ...]] = (
     ("firmware_retraction", 50),
     ("varying_walls", 40),
     ("scarf_", 35),
+    ("support_", 30),
+    ("support", 100),
     ("slope_shell_ratio", 21),
     ("fan_overhang_", 22),
 )

@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
+from printer_slicer.model.supports import Bare
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, force_setattr
 
@@ -25,6 +26,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
         islands: the lowest piece of each body that stands on nothing, and of each tail; they are part of `area`.
         bridged: areas that hang, but whose bridge lines are held at both ends.
         is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
+        blocked: islands that get no support because a support blocker covers them.
     """
 
     plan: LayerPlan
@@ -33,6 +35,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
     islands: Areas
     bridged: Areas
     is_flat: Bool
+    blocked: tuple[Bare, ...] = ()
 
     def __post_init__(self) -> None:
         force_setattr(self, "ring_patch", frozen_array(self.ring_patch, np.int64, (self.area.n_rings,)))
@@ -69,7 +72,8 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
             )
             for name in ("area", "islands", "bridged")
         }
-        return cls(plan, ring_patch=patch[order], is_flat=is_flat, **stacks)
+        blocked = tuple(place for part in parts for place in part.blocked)
+        return cls(plan, ring_patch=patch[order], is_flat=is_flat, blocked=blocked, **stacks)
 
     @property
     def n_patches(self) -> int:

@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from printer_slicer.supports.hanging import find_overhangs
+from printer_slicer.supports.steering import steer
 
-__all__ = ["find_overhangs"]
+__all__ = ["find_overhangs", "steer"]

@@ -12,9 +12,9 @@ from printer_slicer.profile import Quality
 from printer_slicer.supports.hanging import mark_flat_layers
 from printer_slicer.supports.patches import join_patches
 from printer_slicer.supports.slopes import compute_steps
-from printer_slicer.values import Struct, replace
+from printer_slicer.values import replace
 
-__all__ = ["SteeredOverhangs", "steer"]
+__all__ = ["steer"]
 
 _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
@@ -22,27 +22,11 @@ _SLIVER: Final = (
 _BLOCKED: Final = "a support blocker covers it"
 
 
-class SteeredOverhangs(Struct, frozen=True, eq=False):
-    """What hangs and gets a support, after volumes and painted facets were applied.
-
-    Attributes:
-        overhangs: the areas that get a support.
-        blocked: the islands that get none because they are blocked; they are printed in the air.
-        has_unused_enforcers: whether there are enforced places, but nothing hangs in any of them.
-    """
-
-    overhangs: Overhangs
-    blocked: tuple[Bare, ...] = ()
-    has_unused_enforcers: bool = False
-
-
-def steer(
-    overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality
-) -> SteeredOverhangs:
+def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality) -> Overhangs:
     """Add what is enforced to what hangs, then take out what is blocked.
 
     Whatever hangs over nothing within an enforced place gets a support: at any angle, however small, and also bridges.
-    Where a place is enforced and blocked, it is blocked.
+    Where a place is enforced and blocked, it is blocked; islands that are blocked are listed.
 
     Args:
         overhangs: what hangs by the rules for the whole part.
@@ -51,24 +35,22 @@ def steer(
         quality: threshold angle.
     """
     if not (volumes.enforce.n_rings or volumes.block.n_rings):
-        return SteeredOverhangs(overhangs)
+        return overhangs
     plan, enforced = overhangs.plan, _find_enforced(sections.solid, volumes.enforce)
     hanging = difference(union(overhangs.area, enforced), volumes.block)
     # All of it is kept: small patches were dropped before, unless they are enforced.
     step = compute_steps(plan, quality.support_threshold_deg)
     area, patch = join_patches(hanging, hanging, Areas.empty(plan.n_layers), step, quality)
     islands = difference(overhangs.islands, volumes.block)
-    steered = replace(
+    return replace(
         overhangs,
         area=area,
         ring_patch=patch,
         islands=islands,
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
+        blocked=_list_blocked(overhangs.islands, volumes.block, plan),
     )
-    unused = volumes.enforce.n_rings > 0 and not enforced.n_rings
-    blocked = _list_blocked(overhangs.islands, volumes.block, plan)
-    return SteeredOverhangs(steered, blocked, unused)
 
 
 def _find_enforced(solid: Areas, enforce: Areas) -> Areas:

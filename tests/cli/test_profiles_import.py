@@ -65,8 +65,10 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
     assert [line.split()[0] for line in lines[:3]] == ["printer", "material", "quality"]
     assert lines[3:10] == [
         "largest differences from the source:",
-        "  quality: support_material = 1 -> support = auto (only enforced places get supports in the source; here all "
-        "overhangs do)",
+        (
+            "  quality: support_material = 1 -> support = auto (only enforced places get supports in the source; here "
+            "all overhangs do)"
+        ),
         "  quality: perimeters = 140 -> perimeters = 100 (100 is the maximum here)",
         "  quality: fuzzy_skin = all is not imported (no equivalent)",
         "  quality: complete_objects = 1 is not imported (no equivalent)",

@@ -16,9 +16,11 @@ from printer_slicer.cli.models import load_plate
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.errors import UsageError
 from printer_slicer.mesh_io import export_stl, load_mesh
+from printer_slicer.model import Mesh
 from printer_slicer.progress import quiet
+from printer_slicer.values import replace
 from tests.mesh_io.tiny_files import CORNERS, FACES, item, mesh_xml, model_xml, three_mf, write
-from tests.parts import box, plain
+from tests.parts import box, joined, plain
 
 
 @pytest.fixture
@@ -126,6 +128,57 @@ def test_volumes_of_another_type_are_refused(volumes: Any) -> None:
         with pytest.raises(UsageError) as caught:
             call()
         assert caught.value.remedy
+
+
+def tee() -> ps.Mesh:
+    """A stem of 20 mm height with an arm of 15 x 10 mm to either side at its top."""
+    return joined([box((10, 10, 25), (-5, -5, 0)), box((40, 10, 5), (-20, -5, 20))], "tee")
+
+
+def with_supports(style: str) -> ps.Profile:
+    profile = plain()
+    return replace(profile, quality=replace(profile.quality, support=style))
+
+
+def test_volumes_steer_what_gets_supports() -> None:
+    right = Mesh(box((40, 40, 10), (0, -20, 15)).triangles)
+    enforced = {
+        "all": ps.overhangs(tee(), plain()),
+        "blocked": ps.overhangs(tee(), plain(), volumes=ps.Volumes(block=right)),
+        "off": ps.slice_stages(tee(), plain(), volumes=ps.Volumes(block=right)).overhangs,
+        "on": ps.slice_stages(tee(), with_supports("auto"), volumes=ps.Volumes(block=right)).overhangs,
+    }
+    area = {name: found.area.area().sum() for name, found in enforced.items() if found}
+
+    assert area["all"] == pytest.approx(300, rel=0.01)
+    assert area["blocked"] == area["on"] == pytest.approx(150, rel=0.01)
+    assert area["off"] == area["all"]
+
+
+def test_what_the_rules_leave_out_can_be_enforced() -> None:
+    """A bridge of 8 mm, and a step of 0.4 mm."""
+    part = joined([box((20, 10, 6), (0, 0, 6)), *(box((6, 10, 7), (x, 0, 0)) for x in (0, 14))], "bridge")
+    step = joined([part, box((20.4, 10, 4), (0, 0, 9))], "step")
+    everywhere = ps.Volumes(enforce=Mesh(box((90, 90, 90), (-30, -30, -30)).triangles))
+    found = ps.overhangs(step, plain(), volumes=everywhere)
+
+    assert ps.overhangs(step, plain()).area.n_rings == 0
+    assert found.area.area().sum() == pytest.approx(80 + 4, rel=0.02)
+    assert found.n_patches == 2
+
+
+def test_blocked_islands_are_reported(folder: Path) -> None:
+    hanging = joined([box((10, 10, 25)), box((20, 10, 5), (0, 0, 20)), box((4, 4, 15), (14, 3, 6))], "hook")
+    export_stl(hanging, folder / "hook.stl")
+    export_stl(box((10, 20, 10), (12, -5, 0)), folder / "block.stl")
+    words = ("slice", folder / "hook.stl", "-o", folder / "x.gcode", "--set", "support=auto", *QUICK)
+    outcome = typed(*words, "--support-blocker", folder / "block.stl")
+
+    assert outcome.code == 0, outcome.err
+    said = " ".join(outcome.err.split())
+    assert "an island of 16 mm² at x, y, z 16.0, 5.0, " in said
+    assert " begins with nothing below: a support blocker covers it" in said
+    assert "island" not in typed(*words).err
 
 
 def test_volumes_of_a_file_are_used(folder: Path) -> None:

@@ -12,7 +12,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, offset_open, union
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Sections, Volumes, VolumeSections
 from printer_slicer.slicing import cut, cut_volumes
-from printer_slicer.supports.steering import SteeredOverhangs, steer
+from printer_slicer.supports import steer
 from printer_slicer.values import replace
 from tests.parts import box, joined, plain, prism
 
@@ -41,9 +41,7 @@ def everything_that_hangs(sections: Sections) -> Areas:
     return difference(sections.solid, sections.solid.shift_layers(1)).of_layers(~on_bed)
 
 
-def steered(
-    part: Mesh, volumes: Volumes, plan: LayerPlan = PLAN, *, everything: bool = False
-) -> SteeredOverhangs:
+def steered(part: Mesh, volumes: Volumes, plan: LayerPlan = PLAN, *, everything: bool = False) -> Overhangs:
     sections = cut(part, plan, 0.001)
     area = everything_that_hangs(sections) if everything else None
     return steer(hangs(sections, area), sections, cut_volumes(volumes, plan), QUALITY)
@@ -59,14 +57,13 @@ def facets_facing_down(part: Mesh, low: float, high: float) -> Float:
 
 def test_enforcers_add_what_hangs_within_them() -> None:
     result = steered(tee(), Volumes(enforce=Mesh(box((9, 40, 4), (8, -20, UNDER - 2)).triangles)))
-    layer = int(np.flatnonzero(result.overhangs.area.used)[0])
+    layer = int(np.flatnonzero(result.area.used)[0])
 
-    assert result.overhangs.area.area().sum() == pytest.approx(9 * 10)
+    assert result.area.area().sum() == pytest.approx(9 * 10)
     assert PLAN.bottom[layer] == pytest.approx(UNDER)
-    assert result.overhangs.area.xy[:, 0].min() == pytest.approx(8)
-    assert result.overhangs.n_patches == 1
-    assert np.flatnonzero(result.overhangs.is_flat).tolist() == [layer]
-    assert not result.has_unused_enforcers
+    assert result.area.xy[:, 0].min() == pytest.approx(8)
+    assert result.n_patches == 1
+    assert np.flatnonzero(result.is_flat).tolist() == [layer]
 
 
 def test_blockers_take_out_what_hangs_within_them() -> None:
@@ -74,8 +71,8 @@ def test_blockers_take_out_what_hangs_within_them() -> None:
     result = steered(tee(), Volumes(block=blocker), everything=True)
 
     # A blocker is 0.01 mm larger on all sides.
-    assert result.overhangs.area.area().sum() == pytest.approx(2 * 15 * 10 - 9.02 * 10)
-    assert result.overhangs.n_patches == 3
+    assert result.area.area().sum() == pytest.approx(2 * 15 * 10 - 9.02 * 10)
+    assert result.n_patches == 3
     assert result.blocked == ()
 
 
@@ -83,15 +80,15 @@ def test_a_place_that_is_enforced_and_blocked_is_blocked() -> None:
     both = Mesh(box((9, 40, 4), (8, -20, UNDER - 2)).triangles)
     result = steered(tee(), Volumes(enforce=both, block=both))
 
-    assert result.overhangs.area.n_rings == 0
-    assert result.overhangs.n_patches == 0
+    assert result.area.n_rings == 0
+    assert result.n_patches == 0
 
 
 def test_enforced_bridges_are_no_bridges() -> None:
     sections = cut(tee(), PLAN, 0.001)
     everything = everything_that_hangs(sections)
     enforce = cut_volumes(Volumes(enforce=Mesh(box((30, 40, 4), (0, -20, UNDER - 2)).triangles)), PLAN)
-    overhangs = steer(hangs(sections, bridged=everything), sections, enforce, QUALITY).overhangs
+    overhangs = steer(hangs(sections, bridged=everything), sections, enforce, QUALITY)
 
     assert overhangs.area.area().sum() == pytest.approx(15 * 10)
     assert overhangs.bridged.area().sum() == pytest.approx(15 * 10)
@@ -105,9 +102,9 @@ def test_surfaces_that_are_steeper_than_the_threshold_are_enforced() -> None:
     part = Mesh(_loft(ring, ring + lean, 20.0))
     result = steered(part, Volumes(enforce=Mesh(box((60, 60, 60), (-20, -20, -20)).triangles)))
 
-    assert result.overhangs.area.used.sum() == 99
-    assert result.overhangs.n_patches == 1
-    assert not result.overhangs.is_flat.any()
+    assert result.area.used.sum() == 99
+    assert result.n_patches == 1
+    assert not result.is_flat.any()
 
 
 def _loft(low: Float, high: Float, height: float) -> Float:
@@ -118,20 +115,13 @@ def _loft(low: Float, high: Float, height: float) -> Float:
     return body
 
 
-def test_enforcers_where_nothing_hangs_are_reported() -> None:
-    result = steered(tee(), Volumes(enforce=Mesh(box((4, 4, 4), (30, 30, 5)).triangles)))
-
-    assert result.has_unused_enforcers
-    assert result.overhangs.area.n_rings == 0
-
-
 def test_without_places_nothing_changes() -> None:
     sections = cut(tee(), PLAN, 0.001)
     overhangs = hangs(sections, everything_that_hangs(sections))
 
-    assert steer(overhangs, sections, cut_volumes(Volumes(), PLAN), QUALITY).overhangs is overhangs
+    assert steer(overhangs, sections, cut_volumes(Volumes(), PLAN), QUALITY) is overhangs
     outside = Volumes(block=Mesh(box((4, 4, 4), (30, 30, 5)).triangles))
-    kept = steer(overhangs, sections, cut_volumes(outside, PLAN), QUALITY).overhangs
+    kept = steer(overhangs, sections, cut_volumes(outside, PLAN), QUALITY)
     assert np.array_equal(kept.area.area(), overhangs.area.area())
 
 
@@ -145,7 +135,7 @@ def test_blocked_islands_are_reported() -> None:
     assert (island.x, island.y, island.z) == pytest.approx((12.5, 0, UNDER))
     assert island.area == pytest.approx(150)
     assert island.is_island
-    assert result.overhangs.islands.area().sum() == pytest.approx(150)
+    assert result.islands.area().sum() == pytest.approx(150)
 
 
 heights = st.lists(st.sampled_from([0.2, 0.25, 0.3, 0.4]), min_size=20, max_size=20).map(
@@ -165,8 +155,8 @@ def test_volumes_and_painted_facets_steer_alike(steps: list[float], degrees: flo
         (Volumes(block=place), Volumes(blocked_facets=facets), True),
     )
     for volume, painted, everything in pairs:
-        one = steered(part, volume, plan, everything=everything).overhangs.area
-        other = steered(part, painted, plan, everything=everything).overhangs.area
+        one = steered(part, volume, plan, everything=everything).area
+        other = steered(part, painted, plan, everything=everything).area
         assert offset_open(difference(one, other), 0.15).area().sum() == 0
         assert offset_open(difference(other, one), 0.15).area().sum() == 0
         if not everything:
@@ -187,7 +177,7 @@ def test_painted_facets_that_face_up_ask_for_nothing() -> None:
     up = part.triangles[part.triangles[..., 2].min(axis=1) > UNDER + 1]
 
     assert len(up)
-    assert steered(part, Volumes(enforced_facets=up)).overhangs.area.n_rings == 0
+    assert steered(part, Volumes(enforced_facets=up)).area.n_rings == 0
 
 
 @pytest.mark.parametrize("containment", ["mid", "positive", "negative"])
@@ -197,8 +187,8 @@ def test_painted_facets_are_found_in_the_layer_that_hangs(containment: str) -> N
     facets = facets_facing_down(tee(), 10, 30)
     result = steered(tee(), Volumes(enforced_facets=facets), plan)
 
-    assert result.overhangs.area.area().sum() == pytest.approx(300, rel=0.02)
-    assert result.overhangs.area.used.sum() == 1
+    assert result.area.area().sum() == pytest.approx(300, rel=0.02)
+    assert result.area.used.sum() == 1
 
 
 # Negative volumes

@@ -142,6 +142,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
     from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, load_plate, release_memory_between_stages
+    from printer_slicer.cli.overhang_facts import list_blocked_island_warnings
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
@@ -179,7 +180,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    late = _list_unsupported_warnings(unsupported)
+    late = _list_unsupported_warnings(unsupported) + list_blocked_island_warnings(stage)
     late += _list_unused_range_warnings(profile, stage.sections.plan)
     warn(arguments, late)
     more = {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
