@@ -43,6 +43,7 @@ class XmlReader:
         self._ends: dict[str, Callable[[], None]] = {}
         self._texts: dict[str, Callable[[list[str], str], None]] = {}
         self._text: list[str] | None = None
+        self._text_length = 0
         self._text_attributes: list[str] = []
         self._names: dict[str, str] = {}
         self._run_finder = RunFinder(limits.xml_token)
@@ -123,14 +124,15 @@ class XmlReader:
         if self._text is not None:
             self._stop_text()
         if name in self._texts:
-            self._text, self._text_attributes = [], attributes
+            self._text, self._text_length, self._text_attributes = [], 0, attributes
             self._parser.CharacterDataHandler = self._add_text
 
     def _add_text(self, text: str) -> None:
         """Keep text within an element, up to the limit for a tag."""
         if self._text is not None:
             self._text.append(text)
-            if sum(map(len, self._text)) > self.limits.xml_token:
+            self._text_length += len(text)
+            if self._text_length > self.limits.xml_token:
                 raise self.make_error(f"a text is longer than {self.limits.xml_token} characters")
 
     def _stop_text(self) -> str:
