@@ -42,7 +42,7 @@ from printer_slicer.roles import roles_with
 from printer_slicer.slicing import cut_volumes, list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
-from printer_slicer.supports import find_overhangs, steer
+from printer_slicer.supports import find_overhangs
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
@@ -264,6 +264,8 @@ def _find_overhangs(
     for solid, area, profile in zip(sections, regions, own, strict=True):
         overhangs = find_overhangs(solid, area, profile)
         if part.volumes and (always_steer or profile.quality.support != "off"):
+            from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
+
             overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), profile.quality)
         found.append(overhangs)
     return Overhangs.joined(found)

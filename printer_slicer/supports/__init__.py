@@ -3,6 +3,5 @@
 from __future__ import annotations
 
 from printer_slicer.supports.hanging import find_overhangs
-from printer_slicer.supports.steering import steer
 
-__all__ = ["find_overhangs", "steer"]
+__all__ = ["find_overhangs"]

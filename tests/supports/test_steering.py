@@ -12,7 +12,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, offset_open, union
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Sections, Volumes, VolumeSections
 from printer_slicer.slicing import cut, cut_volumes
-from printer_slicer.supports import steer
+from printer_slicer.supports.steering import steer
 from printer_slicer.values import replace
 from tests.parts import box, joined, plain, prism
 

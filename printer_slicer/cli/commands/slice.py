@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion
     from printer_slicer.model import LayerPlan, Program
     from printer_slicer.profile import Profile
+    from printer_slicer.stages import Stages
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -142,7 +143,6 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
     """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
     from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, load_plate, release_memory_between_stages
-    from printer_slicer.cli.overhang_facts import list_blocked_island_warnings
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
@@ -180,8 +180,7 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
                 made=arguments.made,
             ),
         )
-    late = _list_unsupported_warnings(unsupported) + list_blocked_island_warnings(stage)
-    late += _list_unused_range_warnings(profile, stage.sections.plan)
+    late = _list_late_warnings(stage, profile, unsupported)
     warn(arguments, late)
     more = {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
     facts = collect_slicing_facts(stage, profile, seconds, certificate) | plate.collect_facts() | more
@@ -261,6 +260,19 @@ def _reject_model_suffix(output: Path) -> None:
             f"-o {output}: the suffix {output.suffix} is for models, but the output is G-code",
             remedy=f"Name it {output.with_suffix('.gcode')}",
         )
+
+
+def _list_late_warnings(
+    stage: Stages, profile: Profile, unsupported: Sequence[UnsupportedExtrusion]
+) -> list[str]:
+    """Return the warnings that only slicing shows."""
+    from printer_slicer.cli.overhang_facts import list_blocked_island_warnings
+
+    return [
+        *_list_unsupported_warnings(unsupported),
+        *list_blocked_island_warnings(stage),
+        *_list_unused_range_warnings(profile, stage.sections.plan),
+    ]
 
 
 def _list_unsupported_warnings(found: Sequence[UnsupportedExtrusion]) -> list[str]:
