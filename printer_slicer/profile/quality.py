@@ -67,16 +67,16 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support: Annotated[
         Literal["off", "auto", "columns", "tree"],
         make_meta(
-            "supports under overhangs: off: none; auto: columns or trees, whichever print faster; columns: "
-            "straight down; tree: branches that merge",
+            "supports under overhangs, which this version does not generate but only reports: off: none; auto: columns "
+            "or trees, whichever print faster; columns: straight down; tree: branches that merge",
             own=EACH_OBJECT,
         ),
     ] = "off"
     support_threshold_deg: Annotated[
         float,
         make_meta(
-            "surfaces that are flatter than this angle from the horizontal are overhangs; 0: only "
-            "horizontal surfaces and islands",
+            "surfaces that are flatter than this angle from the horizontal are overhangs; those flatter than 5 "
+            "degrees always are",
             "degrees",
             ge=0,
             le=89,

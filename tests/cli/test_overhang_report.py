@@ -41,10 +41,16 @@ def test_slice_reports_islands_and_overhangs_in_one_line(tmp_path: Path) -> None
     assert found["islands"] == 1
 
 
-def test_slice_reports_nothing_if_nothing_needs_supports_or_supports_are_on(tmp_path: Path) -> None:
-    plain_text, plain_facts = sliced(box(), tmp_path)
+def test_slice_reports_nothing_if_nothing_needs_supports(tmp_path: Path) -> None:
+    text, facts = sliced(box(), tmp_path, "--set", "support=tree")
+
+    assert facts["overhangs"] is None
+    assert "Unsupported" not in text
+    assert not facts["warnings"]
+
+
+def test_slice_warns_that_wanted_supports_are_not_generated(tmp_path: Path) -> None:
     text, facts = sliced(arm_with_cone(), tmp_path, "--set", "support=tree")
 
-    assert plain_facts["overhangs"] is None
-    assert facts["overhangs"] is None
-    assert "Unsupported" not in plain_text + text
+    assert "Unsupported: 1 island" in text
+    assert any("support = tree: this version generates no supports" in one for one in facts["warnings"])
