@@ -10,7 +10,7 @@ from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.geometry.engine import offset
 from printer_slicer.values import Struct
 
-__all__ = ["HatchGrids", "chain_rows", "find_columns", "hatch", "hatch_evenly", "row_ends"]
+__all__ = ["HatchGrids", "chain_rows", "find_columns", "find_row_crossings", "hatch", "hatch_evenly", "row_ends"]
 
 _NARROWEST, _WIDEST = 0.7, 1.5  # limits of the row spacing, as a share of the usual spacing
 _INSET = 2e-4  # mm; more than the engine's rounding
@@ -43,7 +43,7 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
         raise ValueError("spacing must be positive")
     angles = per_layer(angle, n)
     axis = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    layer, row, u, edge = _find_crossings(areas, axis, spacings, phases)
+    layer, row, u, edge = find_row_crossings(areas, axis, spacings, phases)
     if not len(u):
         return Lines(np.zeros((0, 2, 2)), layer, row, np.zeros((0, 2)), np.zeros((0, 2), np.int64))
     # Sorting by one key for layer, row and position takes a third of the time of sorting by three: rows are laid end
@@ -60,7 +60,9 @@ def hatch(areas: Areas, *, angle: float | Float, spacing: float | Float, phase: 
     return Lines(np.stack([u * cos - v * sin, u * sin + v * cos], axis=2), layer, row, u, edge)
 
 
-def _find_crossings(areas: Areas, axis: Float, spacing: Float, phase: Float) -> tuple[Int, Int, Float, Int]:
+def find_row_crossings(
+    areas: Areas, axis: Float, spacing: Float, phase: Float
+) -> tuple[Int, Int, Float, Int]:
     """Return layer, row, position along the row and edge of every crossing of an outline and a row."""
     layer = areas.point_layer
     (x, y), (cos, sin) = areas.xy.T, axis.take(layer, axis=0).T
