@@ -60,6 +60,16 @@ class CellGrid(Struct, frozen=True):
         row, column = np.divmod(cells, self.n_columns)
         return np.stack([self.x + (column + 0.5) * self.cell, self.y + (row + 0.5) * self.cell], axis=-1)
 
+    def find_moved_cells(self, cells: Int, moves: Int) -> tuple[Int, Bool]:
+        """Return the cells (n, M) to which `moves` (M, 2) lead from cells (n,), and whether they lie on the grid.
+
+        Moves are rows and columns. A move that leaves the grid leads to cell 0.
+        """
+        row, column = np.divmod(cells, self.n_columns)
+        rows, columns = row[:, None] + moves[:, 0], column[:, None] + moves[:, 1]
+        inside = (rows >= 0) & (rows < self.n_rows) & (columns >= 0) & (columns < self.n_columns)
+        return np.where(inside, rows * self.n_columns + columns, 0), inside
+
 
 def rasterize_areas(areas: Areas, grid: CellGrid) -> Bool:
     """Return the mask (n_layers, n_rows, n_columns) of cells whose middles lie in the areas.

@@ -1,0 +1,239 @@
+"""Fields that tell where branches of trees can go: on a coarse raster of cells, storey by storey.
+
+A storey is a slab of the print of equal height; floor f is the plane under storey f. A branch stands at the middle of a
+cell on each floor and moves sideways to another cell within each storey. A single field tells for all radii where a
+branch can get from: its value is the radius of the thickest branch that still reaches the bed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.geometry.raster import (
+    CellGrid,
+    Float32,
+    cheapest_within,
+    clearance,
+    highest_within,
+    rasterize_areas,
+)
+from printer_slicer.model import Sections
+from printer_slicer.supports.tree_settings import TreeSettings
+from printer_slicer.values import Struct
+
+__all__ = ["CellMoves", "Fields", "Ways", "build_fields", "find_ways"]
+
+CELL = 0.5  # mm
+STOREY_RATIO = 3.0  # height of a storey, in cells
+_MOST_CELLS = 6e6  # in all storeys; large parts get larger cells
+_MARGIN = 15.0  # mm around the part in which branches may go
+_HALF_DIAGONAL = 0.35  # cells; the outline of a solid may pass beside the middles of its cells
+_FLAT = 0.25  # mm; a surface may vary by this much around a branch that stands on it
+_AROUND = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+class CellMoves(Struct, frozen=True, eq=False):
+    """The moves of a branch from floor to floor.
+
+    Attributes:
+        step: (M, 2) rows and columns, the shortest first.
+        aside: (M,) movement sideways, mm.
+        length: (M,) length of the branch, mm.
+    """
+
+    step: Int
+    aside: Float
+    length: Float
+
+    @classmethod
+    def within(cls, aside: float, storey: float, cell: float) -> CellMoves:
+        """Return all moves by at most `aside` mm sideways within a storey."""
+        reach = int(aside / cell + 1e-9)
+        line = np.arange(-reach, reach + 1)
+        step = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2)
+        squares = (step**2).sum(axis=1)
+        order = np.argsort(squares, kind="stable")
+        order = order[squares[order] * cell**2 <= aside**2 + 1e-9]
+        by = np.sqrt(squares[order]) * cell
+        return cls(step[order], by, np.hypot(by, storey))
+
+
+class Ways(Struct, frozen=True, eq=False):
+    """Where branches get from each floor, all (F, n_rows, n_columns), mm.
+
+    Attributes:
+        radius: the thickest branch that reaches its end from each cell; below 0: none.
+        free: the thickest branch that may come down to the cell and goes on from there.
+        price: length of the cheapest branch to its end, with the price of standing on the part; inf: none.
+    """
+
+    radius: Float32
+    free: Float32
+    price: Float32
+
+
+class Fields(Struct, frozen=True, eq=False):
+    """The part on the raster, and the ways that branches may go.
+
+    Attributes:
+        grid: the cells.
+        storey: height of each storey, mm.
+        moves: from floor to floor.
+        solid: (F, n_rows, n_columns) where the part is in the storey above each floor.
+        clear: (F, n_rows, n_columns) the thickest branch that keeps its distance there, mm.
+        landing: (F, n_rows, n_columns) the thickest branch that may end on the part's surface under the floor, mm.
+        surface: (F, n_rows, n_columns) z of the part's surface in the storey above each floor, mm; -inf: none.
+        to_bed: ways that end on the bed.
+        to_any: ways that end on the bed or on the part.
+    """
+
+    grid: CellGrid
+    storey: float
+    moves: CellMoves
+    solid: Bool
+    clear: Float32
+    landing: Float32
+    surface: Float32
+    to_bed: Ways
+    to_any: Ways
+
+    @property
+    def n_floors(self) -> int:
+        """Number of floors."""
+        return len(self.solid)
+
+    def find_floors(self, z: Float) -> Int:
+        """Return the storey (n,) in which each z (n,) lies."""
+        floor = np.floor(z / self.storey + 1e-6).astype(np.int64)
+        return np.asarray(np.clip(floor, 0, self.n_floors - 1))
+
+
+def build_fields(
+    sections: Sections, highest: float, bed: tuple[Float, Float], settings: TreeSettings
+) -> Fields:
+    """Compute the fields for tips up to the height `highest`, mm.
+
+    Args:
+        sections: the part.
+        highest: z of the highest tip, mm.
+        bed: lowest and highest corner (2,) of the bed, mm.
+        settings: of trees.
+    """
+    grid, storey = _choose_grid(sections, highest, bed)
+    n_floors = int(highest / storey + 1e-6) + 1
+    solid, surface = _rasterize_storeys(sections, grid, storey, n_floors)
+    margin = np.float32(settings.xy_gap + _HALF_DIAGONAL * grid.cell)
+    reach = settings.largest_radius + float(margin)
+    clear = _measure_clearance(solid, grid.cell, reach) - margin
+    landing = np.full_like(clear, -1.0)
+    if not settings.on_bed_only:
+        landing = _measure_landings((solid, surface), grid.cell, reach) - margin
+    moves = CellMoves.within(settings.slope * storey, storey, grid.cell)
+    on_bed = _measure_bed(grid, bed, settings.largest_radius)
+    to_bed = find_ways(clear, np.full_like(landing, -1.0), on_bed, moves, settings)
+    to_any = find_ways(clear, landing, on_bed, moves, settings) if (landing > 0).any() else to_bed
+    return Fields(grid, storey, moves, solid, clear, landing, surface, to_bed, to_any)
+
+
+def _choose_grid(sections: Sections, highest: float, bed: tuple[Float, Float]) -> tuple[CellGrid, float]:
+    """Return the grid around the part, within the bed, and the height of a storey, mm."""
+    low, high = sections.solid.boxes()
+    low = np.maximum(low.min(axis=0) - _MARGIN, np.minimum(bed[0], low.min(axis=0)))
+    high = np.minimum(high.max(axis=0) + _MARGIN, np.maximum(bed[1], high.max(axis=0)))
+    volume = float(np.prod(high - low)) * max(highest, 1.0)
+    cell = max(CELL, round((volume / STOREY_RATIO / _MOST_CELLS) ** (1 / 3), 2))
+    return CellGrid.around(low, high, cell), STOREY_RATIO * cell
+
+
+def _rasterize_storeys(
+    sections: Sections, grid: CellGrid, storey: float, n_floors: int
+) -> tuple[Bool, Float32]:
+    """Return where the part is in each storey, and z of its surface there, mm.
+
+    Equal sections are rasterized once in each storey.
+    """
+    plan, own = sections.plan, sections.solid.find_first_equal_layers()
+    shape = (n_floors, grid.n_rows, grid.n_columns)
+    solid, surface = np.zeros(shape, np.bool_), np.full(shape, -np.inf, np.float32)
+    floors = np.arange(n_floors + 1) * storey
+    first = np.searchsorted(plan.top, floors[:-1] + 1e-6, side="right")
+    last = np.searchsorted(plan.bottom, floors[1:] - 1e-6)
+    before, masks = np.full(1, -1), np.zeros((0, grid.n_rows, grid.n_columns), np.bool_)
+    for floor, (begin, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        here = distinct(own[begin:end])
+        if not np.array_equal(here, before):
+            masks = rasterize_areas(sections.solid.copy_layers(here), grid)
+        before = here
+        solid[floor] = masks.any(axis=0)
+        highest = np.zeros(plan.n_layers)
+        np.maximum.at(highest, own[begin:end], np.minimum(plan.top[begin:end], floors[floor + 1]))
+        for mask, z in zip(masks, highest[here].astype(np.float32), strict=True):
+            np.maximum(surface[floor], np.where(mask, z, -np.inf), out=surface[floor])
+    return solid, surface
+
+
+def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -> Float32:
+    """Return how far it is from each cell on each floor to where the surface below is not flat, mm.
+
+    Args:
+        fields: where the part is in each storey, and z of its surface there, mm.
+        cell: side of a cell, mm.
+        reach: largest distance, mm.
+    """
+    solid, surface = fields
+    result = np.zeros(solid.shape, np.float32)
+    for floor in range(1, len(solid)):
+        under = surface[floor - 1]
+        if not (solid[floor - 1] & ~solid[floor]).any():
+            continue
+        with np.errstate(invalid="ignore"):
+            flat = highest_within(under, _AROUND) + highest_within(-under, _AROUND) <= _FLAT
+        result[floor] = clearance(~flat, cell, reach)
+    return result
+
+
+def _measure_clearance(solid: Bool, cell: float, reach: float) -> Float32:
+    """Return the distance from each cell to the part in each storey, mm; equal storeys are measured once."""
+    result = np.zeros(solid.shape, np.float32)
+    for floor, here in enumerate(solid):
+        if floor and np.array_equal(here, solid[floor - 1]):
+            result[floor] = result[floor - 1]
+        else:
+            result[floor] = clearance(here, cell, reach)
+    return result
+
+
+def _measure_bed(grid: CellGrid, bed: tuple[Float, Float], most: float) -> Float32:
+    """Return how far each cell is inside the edges of the bed, mm, at most `most`; negative outside."""
+    middles = grid.find_middles(np.arange(grid.n_cells)).reshape(grid.n_rows, grid.n_columns, 2)
+    inside = np.minimum(middles - bed[0], bed[1] - middles).min(axis=-1)
+    return np.asarray(np.minimum(inside, most), np.float32)
+
+
+def find_ways(
+    clear: Float32, landing: Float32, on_bed: Float32, moves: CellMoves, settings: TreeSettings
+) -> Ways:
+    """Compute from the bed upwards how thick a branch gets to its end from each cell, and the cheapest length.
+
+    Args:
+        clear: (F, n_rows, n_columns) the thickest branch that keeps its distance in the storey above each floor, mm.
+        landing: (F, n_rows, n_columns) the thickest branch that may end on the part under each floor, mm.
+        on_bed: (n_rows, n_columns) the thickest branch that may stand on the bed, mm.
+        moves: from floor to floor.
+        settings: of trees.
+    """
+    thin = settings.tip_radius
+    radius, free, price = np.full_like(clear, -1.0), np.full_like(clear, -1.0), np.full_like(clear, np.inf)
+    radius[0] = on_bed
+    price[0][on_bed >= thin] = 0.0
+    free[0] = np.minimum(clear[0], on_bed)
+    for floor in range(1, len(clear)):
+        below = floor - 1
+        way = np.minimum(clear[below], highest_within(free[below], moves.step))
+        radius[floor] = np.maximum(way, landing[floor])
+        free[floor] = np.minimum(clear[floor], radius[floor])
+        open_below = np.where(free[below] >= thin, price[below], np.inf).astype(np.float32)
+        onward = np.where(way >= thin, cheapest_within(open_below, moves.step, moves.length), np.inf)
+        price[floor] = np.where(landing[floor] >= thin, np.minimum(onward, settings.scar_price), onward)
+    return Ways(radius, free, price)

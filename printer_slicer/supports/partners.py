@@ -1,0 +1,234 @@
+"""Which branches go towards each other, and which become one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, concatenate_pairs, consecutive, run_starts
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.vectors import norm
+from printer_slicer.supports.fields import Fields
+from printer_slicer.supports.tree_settings import TreeSettings
+from printer_slicer.values import Struct, replace
+
+__all__ = ["LiveBranches", "choose_goals", "encloses_part", "join_branches"]
+
+_PARTNERS = 3  # nearest branches that are considered
+_SAMPLES = 9  # along and down the triangle between two branches
+_ROUNDING = 1e-5  # mm
+
+
+class LiveBranches(Struct, frozen=True, eq=False):
+    """Branches that arrive at a floor, all (n,) unless said otherwise.
+
+    Attributes:
+        node: the node above.
+        cell: where they arrive.
+        radius: there, mm.
+        to_bed: whether the branch may stand on the bed only.
+        reach: how far the node above may be away sideways, mm; 0: the cell is fixed.
+        head: (n, 3) a tip of the branch, mm.
+    """
+
+    node: Int
+    cell: Int
+    radius: Float
+    to_bed: Bool
+    reach: Float
+    head: Float
+
+    def take(self, which: Int | Bool) -> LiveBranches:
+        """Return some of the branches."""
+        return LiveBranches(*(getattr(self, name)[which] for name in self.__struct_fields__))
+
+
+def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> Float:
+    """Return the place (n, 2) to which each branch should go next, mm; nan for those without a partner.
+
+    The partner is the nearest other branch to the same kind of end that can be met before the end, each going half the
+    way at the slow slope, without closing a ring around the part.
+    """
+    here = fields.grid.find_middles(live.cell)
+    result = np.full_like(here, np.nan)
+    height = _estimate_height(live, floor, fields, settings)
+    own, other = _find_nearest(here, live.to_bed, 2 * settings.slow_slope * float(height.max()))
+    gap = norm(here[other] - here[own])
+    meets = gap / 2 < np.minimum(height[own], height[other]) * settings.slow_slope
+    own, other, gap = own[meets], other[meets], gap[meets]
+    rank = consecutive(
+        np.zeros(int(run_starts(own).sum()), np.int64),
+        np.diff(np.append(np.flatnonzero(run_starts(own)), len(own))),
+    )
+    some = rank < _PARTNERS
+    own, other, gap = own[some], other[some], gap[some]
+    z = floor * fields.storey - gap / 2 / settings.slow_slope
+    meeting = np.column_stack([(here[own] + here[other]) / 2, z])
+    free = ~encloses_part(live.head[own], live.head[other], meeting, fields)
+    own, other, gap = own[free], other[free], gap[free]
+    first = run_starts(own)
+    own, other, gap = own[first], other[first], gap[first]
+    step = np.minimum(gap / 2, settings.slow_slope * fields.storey) / np.maximum(gap, 1e-9)
+    result[own] = here[own] + step[:, None] * (here[other] - here[own])
+    return result
+
+
+def _estimate_height(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> Float:
+    """Return about how much higher than its end (n,) each branch is, mm."""
+    z = floor * fields.storey
+    left = fields.to_any.price[floor].ravel()[live.cell].astype(np.float64) - settings.scar_price
+    return np.where(live.to_bed, z, np.clip(left, 0.0, z))
+
+
+def _find_nearest(points: Float, group: Bool, most: float) -> tuple[Int, Int]:
+    """Return pairs of a point and one of the nearest others of its group, ordered by point and distance.
+
+    The search begins close by and goes on, for points without any, in boxes of twice the size, up to `most` mm.
+    """
+    n = len(points)
+    all_boxes = Boxes(points, points, group.astype(np.int64))
+    found, lacking = list[tuple[Int, Int]](), np.arange(n)
+    extent = float(np.prod(np.maximum(np.ptp(points, axis=0), 1.0)))
+    reach = 2.0 * float(np.sqrt(extent / n))
+    while len(lacking):
+        boxes = Boxes(points[lacking], points[lacking], group[lacking].astype(np.int64)).expand(reach)
+        own, other = boxes.find_overlapping(all_boxes)
+        own = lacking[own]
+        differs = own != other
+        found.append((own[differs], other[differs]))
+        if reach >= most:
+            break
+        seen = np.zeros(n, np.bool_)
+        seen[found[-1][0]] = True
+        lacking, reach = lacking[~seen[lacking]], 2 * reach
+    own, other = concatenate_pairs(found)
+    order = np.lexsort((other, norm(points[other] - points[own]), own))
+    return own[order], other[order]
+
+
+def encloses_part(one: Float, other: Float, meeting: Float, fields: Fields) -> Bool:
+    """Return a mask (n,) of pairs of branches that would close a ring around the part if they met.
+
+    The triangle between the tips of both (n, 3) and the place where they meet (n, 3) is sampled from the edge between
+    the tips downwards. Part that begins at that edge hangs from above; part that begins below it would be enclosed.
+    """
+    result = np.zeros(len(one), np.bool_)
+    if not len(one):
+        return result
+    share = np.arange(_SAMPLES) / (_SAMPLES - 1)
+    # Tips lie just under the part; the edge is raised into it.
+    one, other = (ends + np.array([0.0, 0.0, fields.storey / 2]) for ends in (one, other))
+    edge = one[:, None] + share[:, None] * (other - one)[:, None]
+    web = edge[:, :, None] + share[:, None] * (meeting[:, None, None] - edge[:, :, None])
+    flat = web.reshape(-1, 3)
+    cell = fields.grid.find_cells(flat[:, :2])
+    solid = fields.solid.reshape(fields.n_floors, -1)[fields.find_floors(flat[:, 2]), cell].reshape(
+        web.shape[:-1]
+    )
+    was_free = np.maximum.accumulate(~solid, axis=2)
+    return np.asarray((solid[..., 1:] & was_free[..., :-1]).any(axis=(1, 2)))
+
+
+def join_branches(
+    live: LiveBranches, above: Float, floor: int, fields: Fields, settings: TreeSettings
+) -> tuple[Int, LiveBranches]:
+    """Join branches that are closer than half the thicker radius, or in neighbouring cells.
+
+    Args:
+        live: branches arriving at a floor.
+        above: (n, 2) where each comes from, mm.
+        floor: of them.
+        fields: where branches can go.
+        settings: of trees.
+
+    Returns:
+        The joined branch (n,) of each, and the joined branches; their nodes are those of one of each.
+    """
+    group, joined = np.arange(len(live.node)), live
+    while True:
+        pairs = _find_pairs(joined, fields)
+        one, other, cell = _keep_possible(pairs, (joined, group), (live, above), floor, fields)
+        if not len(one):
+            return group, joined
+        number = np.arange(len(joined.node))
+        number[other] = one
+        thick, thin = (
+            np.maximum(joined.radius[one], joined.radius[other]),
+            np.minimum(joined.radius[one], joined.radius[other]),
+        )
+        radius, cells, head = joined.radius.copy(), joined.cell.copy(), joined.head.copy()
+        most = _room(joined.take(one), cell, floor, fields)
+        radius[one] = np.maximum(
+            np.minimum(np.hypot(thick, thin / 2), np.minimum(most, settings.largest_radius)), thick
+        )
+        cells[one] = cell
+        head[one] = np.where(
+            (joined.radius[one] >= joined.radius[other])[:, None], joined.head[one], joined.head[other]
+        )
+        kept = np.flatnonzero(number == np.arange(len(number)))
+        place = np.full(len(number), -1)
+        place[kept] = np.arange(len(kept))
+        group = place[number[group]]
+        joined = replace(joined, radius=radius, cell=cells, head=head).take(kept)
+
+
+def _room(live: LiveBranches, cell: Int, floor: int, fields: Fields) -> Float:
+    """Return the radius (n,) of the thickest branch of the kind of each at a cell (n,), mm."""
+    bed, part = (ways.radius[floor].ravel()[cell] for ways in (fields.to_bed, fields.to_any))
+    return np.asarray(np.where(live.to_bed, bed, part), np.float64)
+
+
+def _find_pairs(live: LiveBranches, fields: Fields) -> tuple[Int, Int]:
+    """Return pairs (P,), (P,) of branches that are close enough to become one; the nearest first."""
+    here, cell = fields.grid.find_middles(live.cell), fields.grid.cell
+    reach = np.maximum(live.radius / 2, 1.5 * cell) + _ROUNDING
+    one, other = Boxes(here, here, live.to_bed.astype(np.int64)).expand(reach / 2 + cell).find_neighbours()
+    gap = norm(here[one] - here[other])
+    near = gap <= np.maximum(reach[one], reach[other])
+    one, other = np.minimum(one, other)[near], np.maximum(one, other)[near]
+    order = np.lexsort((other, one, np.round(gap[near], 6)))
+    return one[order], other[order]
+
+
+def _keep_possible(
+    pairs: tuple[Int, Int],
+    groups: tuple[LiveBranches, Int],
+    members: tuple[LiveBranches, Float],
+    floor: int,
+    fields: Fields,
+) -> tuple[Int, Int, Int]:
+    """Return the pairs (P,), (P,) that can become one now, and the cell (P,) of each; no branch is in two pairs.
+
+    All branches that were joined before must be able to reach the cell from the floor above.
+    """
+    (one, other), (joined, group), (live, above) = pairs, groups, members
+    room = [_room(joined.take(which), joined.cell[which], floor, fields) for which in (one, other)]
+    cell = np.where(room[0] >= room[1], joined.cell[one], joined.cell[other])
+    fits = np.maximum(*room) >= np.maximum(joined.radius[one], joined.radius[other]) - _ROUNDING
+    clear = (
+        fields.clear[floor].ravel()[cell] >= np.maximum(joined.radius[one], joined.radius[other]) - _ROUNDING
+    )
+    still = joined.cell[one] == joined.cell[other]
+    fits &= clear | still
+    order = np.argsort(group, kind="stable")
+    count = np.bincount(group, minlength=len(joined.node))
+    first = np.cumsum(count) - count
+    for which in (one, other):
+        pair = np.repeat(np.arange(len(which)), count[which])
+        member = order[consecutive(first[which], count[which])]
+        away = norm(fields.grid.find_middles(cell[pair]) - above[member])
+        reached = (away <= live.reach[member]) | (cell[pair] == live.cell[member])
+        fits[pair[~reached]] = False
+    meeting = np.column_stack([fields.grid.find_middles(cell), np.full(len(cell), floor * fields.storey)])
+    fits[fits] = ~encloses_part(joined.head[one[fits]], joined.head[other[fits]], meeting[fits], fields)
+    one, other, cell = one[fits], other[fits], cell[fits]
+    return _take_once(one, other, cell, len(joined.node))
+
+
+def _take_once(one: Int, other: Int, cell: Int, n: int) -> tuple[Int, Int, Int]:
+    """Return the pairs, which are sorted, that are the first one of both their branches."""
+    rank = np.arange(len(one))
+    first = np.full(n, len(one))
+    np.minimum.at(first, one, rank)
+    np.minimum.at(first, other, rank)
+    kept = (first[one] == rank) & (first[other] == rank)
+    return one[kept], other[kept], cell[kept]

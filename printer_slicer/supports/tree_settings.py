@@ -1,0 +1,92 @@
+"""Settings of trees, read from a profile."""
+
+from __future__ import annotations
+
+from math import radians, tan
+
+from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
+
+__all__ = ["TreeSettings", "read_tree_settings"]
+
+
+class TreeSettings(Struct, frozen=True):
+    """Dimensions and limits of trees, in mm unless said otherwise.
+
+    Attributes:
+        gap: distance from the top of a support to the overhang.
+        bottom_gap: distance from a part's upper side to the support that stands on it.
+        xy_gap: distance beside the part.
+        near_gap: distance beside those layers of the part that lie within `gap` above or `bottom_gap` below.
+        joist: distance between joists under a roof, and between tips under slopes.
+        tip_distance: distance between tips under a joist.
+        tip_radius: radius of a branch under the overhang.
+        branch_radius: radius that a branch reaches 2 mm below its tip.
+        largest_radius: radius beyond which a branch does not grow.
+        growth: increase of the radius per mm from there downwards.
+        slope: largest sideways movement of a branch's outline per mm of height.
+        slow_slope: sideways movement per mm of height of branches that approach each other.
+        foot: height above the bed over which branches widen.
+        scar_price: length of branch that is saved for each branch that stands on the part.
+        on_bed_only: whether no branch may stand on the part.
+        width: extrusion width.
+    """
+
+    gap: float
+    bottom_gap: float
+    xy_gap: float
+    near_gap: float
+    joist: float
+    tip_distance: float
+    tip_radius: float
+    branch_radius: float
+    largest_radius: float
+    growth: float
+    slope: float
+    slow_slope: float
+    foot: float
+    scar_price: float
+    on_bed_only: bool
+    width: float
+
+
+_LARGEST_RATIO = 1.45  # branch radii; such a branch is still printed as a single loop
+_SLIMMEST = 35.0  # height by radius
+_NEAR_GAP = (
+    0.2  # mm; a narrow strip under a slope is farther than this from the layer below, or no tip reaches it
+)
+_MORE_XY_GAP = 0.15  # mm; a branch touches the part only at its tip, so it may be farther away than a column
+
+
+def read_tree_settings(profile: Profile, layer_height: float, highest: float) -> TreeSettings:
+    """Read the settings of trees.
+
+    The walls of a branch are single loops. In each layer they must lie on the loops of the layer below by half their
+    width at least, so the slope is limited by the layer height.
+
+    Args:
+        profile: the settings.
+        layer_height: the largest layer height of the supports, mm.
+        highest: z of the highest support, mm; high branches become thicker.
+    """
+    quality, width = profile.quality, profile.extrusion_width
+    radius, xy_gap = quality.support_branch_diameter / 2, quality.support_xy_gap + _MORE_XY_GAP
+    slope = min(tan(radians(quality.support_tree_angle_deg)), width / 2 / layer_height)
+    return TreeSettings(
+        gap=quality.support_gap,
+        bottom_gap=quality.support_bottom_gap,
+        xy_gap=xy_gap,
+        near_gap=min(_NEAR_GAP, xy_gap),
+        joist=quality.support_joist,
+        tip_distance=quality.support_tip_distance,
+        tip_radius=quality.support_tip_diameter / 2,
+        branch_radius=max(radius, quality.support_tip_diameter / 2),
+        largest_radius=max(_LARGEST_RATIO * radius, highest / _SLIMMEST),
+        growth=tan(radians(quality.support_branch_growth_deg)),
+        slope=slope,
+        slow_slope=min(tan(radians(quality.support_tree_slow_angle_deg)), slope),
+        foot=quality.support_foot,
+        scar_price=quality.support_scar_price,
+        on_bed_only=quality.support_on_bed_only,
+        width=width,
+    )

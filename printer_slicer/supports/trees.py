@@ -1,0 +1,148 @@
+"""Trees: branches that grow from the bed, or from the part, to the tips under overhangs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.arrays import Int
+from printer_slicer.geometry import Areas, difference, offset, offset_open, split_connected
+from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
+from printer_slicer.profile import Profile
+from printer_slicer.supports.blocked_areas import find_blocked_areas
+from printer_slicer.supports.branches import draw_branches
+from printer_slicer.supports.descent import descend
+from printer_slicer.supports.fields import Fields, build_fields
+from printer_slicer.supports.roofs import (
+    Roofs,
+    build_roofs,
+    find_wide_contacts,
+    keep_carried_roofs,
+    lay_joists,
+)
+from printer_slicer.supports.smoothing import smooth_branches
+from printer_slicer.supports.starts import Starts, choose_starts
+from printer_slicer.supports.tips import (
+    Tips,
+    choose_bare_places,
+    choose_tips,
+    join_tips,
+    list_island_tips,
+    list_joist_tips,
+    list_strip_places,
+)
+from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settings
+
+__all__ = ["grow_trees"]
+
+_CONTACT_GROWTH = 0.2  # mm by which contacts reach beyond the overhang
+_BESIDE_ROOF = 1.0  # mm; strips this near to a roof need no tips
+_ATTEMPTS = 5  # rounds of tips, of which the first one is for islands
+_THINNEST = 0.4  # extrusion widths; narrower rests of branches are left out
+
+
+def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
+    """Support overhangs by trees.
+
+    Wide overhangs get a roof that lies on joists. Branches begin under joists and under narrow strips, avoid the part,
+    become one where they can, and end on the bed, or on the part where that saves much of the way.
+
+    Args:
+        overhangs: what hangs.
+        plan: the layers of supports.
+        sections: the part.
+        profile: the settings.
+    """
+    layers, n = plan.layers, plan.layers.n_layers
+    empty = Areas.empty(n)
+    if not n:
+        return Supports(plan, empty, empty, empty, empty, empty)
+    settings = read_tree_settings(profile, float(layers.height.max()), float(layers.top[-1]))
+    gaps = settings.bottom_gap, settings.gap
+    blocked = find_blocked_areas(sections, layers, settings.xy_gap, gaps, settings.near_gap)
+    bed = np.array(profile.printer.corners[0]), np.array(profile.printer.corners[1])
+    fields = build_fields(sections, float(layers.top[-1]), bed, settings)
+    strips, islands = (
+        _find_contacts(area, plan.carrier, blocked) for area in (overhangs.area, overhangs.islands)
+    )
+    roofs, tips, starts = _plan_roofs(strips, plan, blocked, (fields, sections, settings))
+    covered = offset(roofs.roof, _BESIDE_ROOF).copy_layers(np.maximum(plan.carrier, 0))
+    rest = difference(strips, covered), difference(islands, covered)
+    tips, starts, bare = _plan_tips(rest, (tips, starts), overhangs, plan, (fields, sections, settings))
+    forest = smooth_branches(descend(tips.place, starts, fields, settings), fields, settings)
+    base = draw_branches(forest.pieces, forest.piece_heights, layers, settings)
+    base = _cut_off(base, blocked, roofs.roof.merge(roofs.joist), settings.width)
+    return Supports(
+        plan,
+        base=base,
+        interface=roofs.roof,
+        floor=empty,
+        joists=roofs.joist,
+        hollow=base.of_layers(np.arange(1, n)),
+        branches=forest.pieces,
+        bare=bare,
+    )
+
+
+def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
+    """Return branches without what is blocked, without roofs, and without rests too small for a loop."""
+    base = offset_open(difference(difference(base, blocked), roofs), _THINNEST * width)
+    pieces = split_connected(base)
+    return pieces.on_layers(base.n_layers, np.flatnonzero(pieces.areas.area() >= width**2))
+
+
+_Room = tuple[Fields, Sections, TreeSettings]
+
+
+def _find_contacts(area: Areas, carrier: Int, blocked: Areas) -> Areas:
+    """Return the areas under overhangs by layer of the part, as far as supports may be there."""
+    area = area.of_layers(carrier >= 0)
+    return difference(offset(area, _CONTACT_GROWTH), blocked.copy_layers(np.maximum(carrier, 0)))
+
+
+def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -> tuple[Roofs, Tips, Starts]:
+    """Return the roofs that branches can carry, their tips, and the first pieces of the branches."""
+    fields, sections, settings = room
+    wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
+    joists = lay_joists(wide, settings)
+    tips = list_joist_tips(joists, plan.layers.top)
+    starts = choose_starts(tips.place, fields, sections, settings)
+    carried = np.ones(len(joists.of_tip), np.bool_)
+    carried[tips.of_joist] = starts.found
+    return build_roofs(wide, keep_carried_roofs(joists, carried, settings), blocked, settings), tips, starts
+
+
+def _plan_tips(
+    rest: tuple[Areas, Areas],
+    given: tuple[Tips, Starts],
+    overhangs: Overhangs,
+    plan: SupportPlan,
+    room: _Room,
+) -> tuple[Tips, Starts, tuple[Bare, ...]]:
+    """Add tips under strips and islands, by layer of the part, to those under joists.
+
+    Where no branch reaches a tip, others are tried beside it.
+
+    Returns:
+        All tips, the first pieces of the branches, and the places that stay without a tip.
+    """
+    (strips, islands), (tips, starts) = rest, given
+    fields, sections, settings = room
+    places = list_strip_places(strips, overhangs, plan, settings)
+    new = list_island_tips(islands, plan.carrier, plan.layers.top)
+    for _ in range(_ATTEMPTS):
+        tips = join_tips([tips, new])
+        starts = Starts.joined([starts, choose_starts(new.place, fields, sections, settings)])
+        new = choose_tips(places, tips, starts.found)
+        if not new.count:
+            break
+    bare = choose_bare_places(places, tips, starts.found)
+    return tips, starts, _describe_bare(bare)
+
+
+def _describe_bare(places: Tips) -> tuple[Bare, ...]:
+    """Return the places that no branch reaches."""
+    reason = "no branch reaches this place without touching the part"
+    return tuple(
+        Bare(x, y, z, 0.0, reason, is_island)
+        for (x, y, z), is_island in zip(places.place.tolist(), places.island.tolist(), strict=True)
+    )

@@ -1,0 +1,71 @@
+"""Parts that need supports, made of few facets."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from printer_slicer.model import Mesh
+from tests.parts import box, joined
+
+__all__ = ["bracket", "hook", "inverted_cone", "mushroom", "round_body", "sphere_on_bed", "table", "tee"]
+
+
+def round_body(
+    profile: list[tuple[float, float]], sides: int = 64, at: tuple[float, float] = (0.0, 0.0)
+) -> Mesh:
+    """A body of revolution through (radius, z), from its lowest to its highest point; closed by flats."""
+    turn = 2 * np.pi * np.arange(sides) / sides
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    rings = [np.column_stack([max(r, 1e-3) * circle + at, np.full(sides, z)]) for r, z in profile]
+    facets = []
+    for low, high in pairwise(rings):
+        after_low, after_high = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+        facets += [np.stack([low, after_low, after_high], axis=1), np.stack([low, after_high, high], axis=1)]
+    for ring, way in ((rings[0], -1), (rings[-1], 1)):
+        fan = np.stack([np.broadcast_to(ring[0], (sides - 2, 3)), ring[1:-1], ring[2:]], axis=1)
+        facets.append(fan[:, ::way])
+    return Mesh(np.concatenate(facets), "round body")
+
+
+def tee(arm: float = 25.0, height: float = 40.0, width: float = 10.0, thick: float = 4.0) -> Mesh:
+    """A stem with an arm to each side at its top."""
+    stem = box((10.0, width, height), (-5.0, -width / 2, 0.0))
+    bar = box((10.0 + 2 * arm, width, thick), (-5.0 - arm, -width / 2, height))
+    return joined([stem, bar], "tee")
+
+
+def bracket() -> Mesh:
+    """Two plates of 60 x 40, one over the other, with a wall between them."""
+    plates = [box((60.0, 40.0, 4.0), (-30.0, -20.0, z)) for z in (0.0, 40.0)]
+    return joined([*plates, box((60.0, 5.0, 42.0), (-30.0, -20.0, 1.0))], "bracket")
+
+
+def sphere_on_bed(radius: float = 20.0, sides: int = 96) -> Mesh:
+    """A ball that touches the bed."""
+    angle = np.linspace(0, np.pi, sides // 2)
+    return round_body([(radius * np.sin(t), radius * (1 - np.cos(t))) for t in angle], sides)
+
+
+def mushroom(cap: float = 20.0, height: float = 30.0) -> Mesh:
+    """A stalk with a flat cap."""
+    return round_body([(4.0, 0.0), (4.0, height), (cap, height), (cap, height + 3)])
+
+
+def table(x: float = 80.0, y: float = 60.0, height: float = 38.0) -> Mesh:
+    """Four legs with a plate."""
+    legs = [box((6.0, 6.0, height + 1), (a, b, 0.0)) for a in (0.0, x - 6) for b in (0.0, y - 6)]
+    return joined([*legs, box((x, y, 3.0), (0.0, 0.0, height))], "table")
+
+
+def inverted_cone(radius: float = 8.0, height: float = 15.0) -> Mesh:
+    """A cone on its tip, at the end of an arm."""
+    cone = round_body([(0.0, 0.0), (radius, height)], at=(20.0, 0.0)).moved((0.0, 0.0, 15.0))
+    post, arm = box((6.0, 6.0, 34.0), (-3.0, -3.0, 0.0)), box((31.0, 6.0, 4.0), (-3.0, -3.0, 30.0))
+    return joined([cone, post, arm.moved((0.0, 0.0, -0.5))], "hanging cone")
+
+
+def hook() -> Mesh:
+    """A post with an arm, from which a cone of 15 mm hangs down."""
+    return inverted_cone()

@@ -1,0 +1,213 @@
+"""Trees: branches that never begin in the air, keep their distance, and reach every strip that hangs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.geometry import (
+    difference,
+    intersection,
+    normalize,
+    offset,
+    split_connected,
+    union,
+)
+from printer_slicer.model import Areas, LayerPlan, Mesh, Sections, SupportPlan, Supports
+from printer_slicer.supports.tree_settings import read_tree_settings
+from printer_slicer.supports.trees import grow_trees
+from tests.effort import examples
+from tests.parts import plain
+from tests.supports.by_hand import overhangs_of, prepared, support_plan
+from tests.supports.noise import noise_sections
+from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
+
+SHAPES: dict[str, Callable[[], Mesh]] = {
+    "tee": tee,
+    "hook": hook,
+    "sphere": sphere_on_bed,
+    "mushroom": mushroom,
+    "bracket": bracket,
+    "table": lambda: table(40, 30, 20),
+}
+SEEDS = st.integers(0, 100_000)
+XY_GAP = 0.5
+shapes = pytest.mark.parametrize("name", SHAPES)
+
+
+@cache
+def grown(name: str) -> tuple[Supports, Sections]:
+    overhangs, plan, sections = prepared(SHAPES[name]())
+    return grow_trees(overhangs, plan, sections, plain()), sections
+
+
+def grown_on_noise(seed: int, **changes: object) -> tuple[Supports, Sections]:
+    sections = noise_sections(seed)
+    overhangs = overhangs_of(sections)
+    return grow_trees(overhangs, support_plan(overhangs), sections, plain(**changes)), sections
+
+
+def check_chains(supports: Supports, sections: Sections) -> None:
+    """Every piece goes down within the slope to another piece, to the bed, or to the top of the part."""
+    pieces, layers = supports.branches, supports.plan.layers
+    limits = read_tree_settings(plain(), float(layers.height.max()), float(layers.top[-1]))
+    low, high = pieces[:, :4], pieces[:, 4:]
+    assert (high[:, 0] > low[:, 0]).all()
+    aside = np.hypot(*(high - low)[:, 1:3].T) + low[:, 3] - high[:, 3]
+    assert (aside <= limits.slope * (high[:, 0] - low[:, 0]) + 1e-3).all()
+    assert (low[:, 3] >= high[:, 3] - 1e-9).all()
+    assert (high[:, 3] >= limits.tip_radius - 1e-9).all()
+    going_on = {tuple(end) for end in np.round(high[:, :3], 6).tolist()}
+    ends = [end for end in np.round(low[:, :3], 6).tolist() if tuple(end) not in going_on]
+    for z, x, y in ends:
+        if z > 0:
+            layer = np.flatnonzero(np.isclose(sections.plan.top, z, atol=1e-4))
+            assert len(layer) == 1, "an end in the air"
+            assert contains(sections.solid, x, y, int(layer[0]))
+
+
+def contains(areas: Areas, x: float, y: float, layer: int) -> bool:
+    dot = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * 1e-3 + (x, y)
+    stack = Areas.from_rings([[dot] if k == layer else [] for k in range(areas.n_layers)])
+    return float(difference(stack, areas).area().sum()) < 1e-9
+
+
+def unite_layers(areas: Areas, first: Int, last: Int) -> Areas:
+    """For each entry the union of the layers from `first` to `last` - 1."""
+    count = np.maximum(last - first, 0)
+    entry = np.repeat(np.arange(len(first)), count)
+    copies = areas.copy_layers(consecutive(first, count))
+    return normalize(Areas(copies.xy, copies.ring_start, entry[copies.ring_layer], len(first)))
+
+
+def find_pieces_in_the_air(supports: Supports, sections: Sections) -> Float:
+    """Areas of the connected pieces of which less than a seventh lies over supports, part or bed."""
+    layers, plan = supports.plan.layers, sections.plan
+    areas = normalize(supports.area)
+    part = unite_layers(
+        sections.solid,
+        np.searchsorted(plan.top, layers.bottom - 0.6),
+        np.searchsorted(plan.top, layers.bottom + 1e-6),
+    )
+    pieces = split_connected(areas)
+    carriers = union(areas.shift_layers(1), part)
+    carried = intersection(pieces.areas, pieces.select_nearby_rings(carriers)).area()
+    size = pieces.areas.area()
+    return np.asarray(size[(carried < size / 7) & (pieces.layer > 0)])
+
+
+def measure_overlap(supports: Supports, sections: Sections, gap: float) -> float:
+    """Volume of supports nearer than `gap` to the part beside them, mm³."""
+    layers, plan = supports.plan.layers, sections.plan
+    beside = unite_layers(
+        sections.solid,
+        np.searchsorted(plan.top, layers.bottom + 1e-6, side="right"),
+        np.searchsorted(plan.bottom, layers.top - 1e-6),
+    )
+    near = offset(beside, gap)
+    return float(intersection(normalize(supports.area), near).area() @ layers.height)
+
+
+@shapes
+def test_branches_lead_to_the_bed_or_to_the_part(name: str) -> None:
+    supports, sections = grown(name)
+
+    assert len(supports.branches)
+    assert not supports.bare
+    check_chains(supports, sections)
+
+
+@shapes
+def test_nothing_begins_in_the_air(name: str) -> None:
+    assert len(find_pieces_in_the_air(*grown(name))) == 0
+
+
+@shapes
+def test_trees_keep_their_distance_from_the_part(name: str) -> None:
+    assert measure_overlap(*grown(name), XY_GAP - 0.01) < 1e-3
+
+
+@shapes
+def test_areas_of_a_layer_do_not_overlap(name: str) -> None:
+    supports, _ = grown(name)
+
+    together = supports.area.area().sum()
+    assert normalize(supports.area).area().sum() == pytest.approx(together, rel=1e-4)
+    assert difference(supports.hollow, supports.base).area().sum() < 1e-6
+
+
+@shapes
+def test_everything_that_hangs_has_a_support_near_it(name: str) -> None:
+    supports, sections = grown(name)
+    overhangs = overhangs_of(sections)
+    hanging = np.flatnonzero(overhangs.area.used & (supports.plan.carrier >= 0))
+    layers = supports.plan.layers
+    bottom = sections.plan.bottom[hanging]
+    first = np.searchsorted(layers.top, bottom - 0.85 - 1e-6)
+    below = unite_layers(
+        offset(normalize(supports.area), 1.5), first, np.searchsorted(layers.top, bottom + 1e-6)
+    )
+
+    bare = difference(overhangs.area.copy_layers(hanging), below).area().sum()
+
+    assert bare <= 0.003 * overhangs.area.area().sum()
+
+
+@given(seed=SEEDS)
+@settings(max_examples=examples(8))
+def test_trees_among_random_solids(seed: int) -> None:
+    supports, sections = grown_on_noise(seed)
+
+    check_chains(supports, sections)
+    assert len(find_pieces_in_the_air(supports, sections)) == 0
+    assert measure_overlap(supports, sections, XY_GAP - 0.01) < 1e-3
+
+
+@given(seed=SEEDS)
+@settings(max_examples=examples(3))
+def test_on_the_bed_only(seed: int) -> None:
+    supports, _ = grown_on_noise(seed, support_on_bed_only=True)
+
+    low, high = (np.round(ends, 6) for ends in (supports.branches[:, :3], supports.branches[:, 4:7]))
+    going_on = {tuple(end) for end in high.tolist()}
+    assert all(end[0] == 0 for end in low.tolist() if tuple(end) not in going_on)
+
+
+def test_the_same_part_gets_the_same_trees() -> None:
+    overhangs, plan, sections = prepared(bracket())
+
+    one, other = (grow_trees(overhangs, plan, sections, plain()) for _ in range(2))
+
+    assert one.branches.tobytes() == other.branches.tobytes()
+    for name in ("base", "interface", "joists", "hollow"):
+        assert getattr(one, name).xy.tobytes() == getattr(other, name).xy.tobytes()
+
+
+def test_the_order_of_facets_changes_nothing() -> None:
+    mesh = mushroom()
+    mixed = Mesh(mesh.triangles[np.random.default_rng(1).permutation(mesh.n_facets)], mesh.name)
+
+    one, other = (grow_trees(*prepared(part), plain()) for part in (mesh, mixed))
+
+    assert one.branches == pytest.approx(other.branches, abs=1e-6)
+
+
+def test_nothing_hangs_nothing_grows() -> None:
+    sections = noise_sections(1)
+    overhangs = overhangs_of(sections)
+    none = Areas.empty(sections.plan.n_layers)
+    empty = type(overhangs)(overhangs.plan, none, np.zeros(0, np.int64), none, none, overhangs.is_flat)
+    nothing = np.full(sections.plan.n_layers, -1)
+    plan = SupportPlan(LayerPlan.from_tops(np.zeros(0)), nothing, np.full(len(nothing), np.nan))
+
+    supports = grow_trees(empty, plan, sections, plain())
+
+    assert not supports.area.n_rings
+    assert not len(supports.branches)
+    assert not supports.bare
