@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
-from printer_slicer.geometry import Areas, normalize
+from printer_slicer.geometry import Areas, difference, intersection, normalize, offset, split_connected, union
 from printer_slicer.model import LayerPlan
 from printer_slicer.supports.tree_settings import TreeSettings
 
-__all__ = ["draw_branches"]
+__all__ = ["draw_branches", "find_closed_discs"]
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
+_LONGEST_BRIDGE = 0.9  # mm of a loop that may hang between two places on the loop below
+_HAIR = 0.05  # mm; half the width of the strip that stands for the middle of a loop
 _THICK = 1.5  # mm; circles of a larger radius get many corners
 
 
@@ -52,3 +54,27 @@ def _draw_discs(middle: Float, radius: Float, layer: Int, n_layers: int) -> Area
     reach = radius[owner] / np.cos(np.pi / corners[owner])
     xy = middle[owner] + reach[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     return Areas(xy, np.append(0, np.cumsum(corners)), layer, n_layers)
+
+
+def find_closed_discs(hollow: Areas, others: Areas, width: float) -> Areas:
+    """Return the pieces of hollow branches that must be closed layers, because a loop above has no loop below.
+
+    That happens where two branches part: the sides that they turn to each other begin over the inside of the branch
+    below. A loop is carried where its middle lies over plastic, thus by half its width; short stretches are bridges.
+
+    Args:
+        hollow: branches that are printed as loops.
+        others: what else is printed.
+        width: of the loops, mm.
+    """
+    middle = offset(hollow, -width / 2)
+    strips = difference(offset(middle, _HAIR), offset(middle, -_HAIR)).of_layers(
+        np.arange(1, hollow.n_layers)
+    )
+    loops = difference(hollow, offset(hollow, -width))
+    hanging = split_connected(difference(strips, union(loops, others).shift_layers(1)))
+    long = np.flatnonzero(hanging.areas.area() > 2 * _HAIR * _LONGEST_BRIDGE)
+    above = hanging.on_layers(hollow.n_layers, long).shift_layers(-1)
+    pieces = split_connected(hollow)
+    under = intersection(pieces.areas, pieces.select_nearby_rings(above)).area() > 0
+    return pieces.on_layers(hollow.n_layers, np.flatnonzero(under))

@@ -25,7 +25,8 @@ __all__ = [
 ]
 
 _REACH_OF_SLOPES, _REACH_OF_FLATS = 0.9, 0.7  # of the spacing of joists
-_REACH_IN_Z = 2.0  # mm
+_REACH_IN_Z = 2.0  # mm from a place up to the tip; below the tip, its branch carries what is beside it
+_LOWEST_TIP = 0.6  # mm from a place down to the tip
 _CELL_RATIO = 1.4  # reaches; larger cells leave places that need another round, smaller ones give more tips
 _SAMPLE = 0.5  # mm between places in narrow strips
 _LONGEST_CHORD = 3.0  # mm; strips are narrower than a roof, 2 mm, and may lie diagonally
@@ -148,7 +149,7 @@ def _find_poles(pieces: Areas) -> Float:
 
 
 def _choose_covering(places: Tips) -> Tips:
-    """Choose places so that every place has a chosen one within its reach and 2 mm of z.
+    """Choose places so that every place has a chosen one within its reach, see `_is_near`.
 
     Cells of 1.4 reaches take turns in eight groups, in each of which no two are neighbours; each cell chooses the place
     nearest to its middle.
@@ -175,17 +176,19 @@ def _choose_covering(places: Tips) -> Tips:
 
 
 def _is_near(places: Tips, tips: Tips) -> Bool:
-    """Return a mask (N,) of places with a tip within their reach and 2 mm of z."""
+    """Return a mask (N,) of places with a tip within their reach, from 0.6 mm below to 2 mm above."""
     return _is_beside(places, tips, places.reach)
 
 
 def _is_beside(places: Tips, tips: Tips, reach: Float | float) -> Bool:
-    """Return a mask (N,) of places with a tip within `reach` mm, one for all or (N,), and 2 mm of z."""
+    """Return a mask (N,) of places with a tip within `reach` mm, one for all or (N,), see `_is_near`."""
     result = np.zeros(places.count, np.bool_)
     reach = np.broadcast_to(reach, (places.count,))
     ends = [(one.place[:, :2], np.zeros(one.count, np.int64)) for one in (places, tips)]
     points, others = (Boxes(xy, xy, layer) for xy, layer in ends)
     own, other = points.expand(reach).find_overlapping(others)
     gap = places.place[own] - tips.place[other]
-    result[own[(norm(gap[:, :2]) <= reach[own]) & (np.abs(gap[:, 2]) <= _REACH_IN_Z)]] = True
+    result[
+        own[(norm(gap[:, :2]) <= reach[own]) & (gap[:, 2] <= _LOWEST_TIP) & (gap[:, 2] >= -_REACH_IN_Z)]
+    ] = True
     return result

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, difference, offset, offset_open, split_connected
+from printer_slicer.geometry import Areas, difference, offset, offset_open, split_connected, union
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
-from printer_slicer.supports.branches import draw_branches
+from printer_slicer.supports.branches import draw_branches, find_closed_discs
 from printer_slicer.supports.descent import descend
 from printer_slicer.supports.fields import Fields, build_fields
 from printer_slicer.supports.roofs import (
@@ -70,14 +70,18 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     tips, starts, bare = _plan_tips(rest, (tips, starts), overhangs, plan, (fields, sections, settings))
     forest = smooth_branches(descend(tips.place, starts, fields, settings), fields, settings)
     base = draw_branches(forest.pieces, forest.piece_heights, layers, settings)
-    base = _cut_off(base, blocked, roofs.roof.merge(roofs.joist), settings.width)
+    others = roofs.roof.merge(roofs.joist)
+    base = _cut_off(base, blocked, others, settings.width)
+    hollow = base.of_layers(np.arange(1, n))
+    closed = find_closed_discs(hollow, others.merge(base.of_layers(np.arange(1))), settings.width)
+    interface = union(roofs.roof, closed)
     return Supports(
         plan,
-        base=base,
-        interface=roofs.roof,
+        base=difference(base, closed),
+        interface=interface,
         floor=empty,
         joists=roofs.joist,
-        hollow=base.of_layers(np.arange(1, n)),
+        hollow=difference(hollow, closed),
         branches=forest.pieces,
         bare=bare,
     )

@@ -25,6 +25,7 @@ from printer_slicer.supports.trees import grow_trees
 from tests.effort import examples
 from tests.parts import plain
 from tests.supports.by_hand import overhangs_of, prepared, support_plan
+from tests.supports.loops import find_hanging_stretches
 from tests.supports.noise import noise_sections
 from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
 
@@ -165,8 +166,11 @@ def test_trees_among_random_solids(seed: int) -> None:
     supports, sections = grown_on_noise(seed)
 
     check_chains(supports, sections)
-    assert len(find_pieces_in_the_air(supports, sections)) == 0
     assert measure_overlap(supports, sections, XY_GAP - 0.01) < 1e-3
+    # What is cut off beside narrow passages is found by the check of what stands; here it must be next to nothing.
+    in_the_air = find_pieces_in_the_air(supports, sections)
+    assert in_the_air.sum() <= 1e-3 * normalize(supports.area).area().sum()
+    assert len(in_the_air) <= 5
 
 
 @given(seed=SEEDS)
@@ -211,3 +215,22 @@ def test_nothing_hangs_nothing_grows() -> None:
     assert not supports.area.n_rings
     assert not len(supports.branches)
     assert not supports.bare
+
+
+@pytest.mark.parametrize("source", [*SHAPES, 0, 1, 2])
+def test_loops_of_branches_lie_on_loops_below(source: str | int) -> None:
+    """Each loop is carried by half its width; only short stretches bridge the inside of a branch."""
+    supports, sections = grown(source) if isinstance(source, str) else grown_on_noise(source)
+    layers, plan = supports.plan.layers, sections.plan
+    part = unite_layers(
+        sections.solid,
+        np.searchsorted(plan.top, layers.bottom - 0.6),
+        np.searchsorted(plan.top, layers.bottom + 1e-6),
+    )
+
+    hanging, loops = find_hanging_stretches(supports, part)
+
+    assert loops.sum() > 0
+    assert hanging.sum() <= 0.01 * loops.sum()
+    assert (hanging > 1.2).sum() <= 1e-4 * len(loops)
+    assert hanging.max(initial=0.0) < 2.5
