@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, consecutive
-from printer_slicer.geometry import Areas, difference, intersection, normalize, offset, split_connected, union
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
+from printer_slicer.geometry import Areas, depths, find_enclosing_rings, normalize, offset, split_connected
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import LayerPlan
 from printer_slicer.supports.tree_settings import TreeSettings
 
@@ -13,8 +15,7 @@ __all__ = ["draw_branches", "find_closed_discs"]
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
-_LONGEST_BRIDGE = 0.9  # mm of a loop that may hang between two places on the loop below
-_HAIR = 0.05  # mm; half the width of the strip that stands for the middle of a loop
+_LONGEST_BRIDGE = 0.6  # mm of a loop that may hang, measured between points of the outline
 _THICK = 1.5  # mm; circles of a larger radius get many corners
 
 
@@ -56,25 +57,42 @@ def _draw_discs(middle: Float, radius: Float, layer: Int, n_layers: int) -> Area
     return Areas(xy, np.append(0, np.cumsum(corners)), layer, n_layers)
 
 
-def find_closed_discs(hollow: Areas, others: Areas, width: float) -> Areas:
+def find_closed_discs(hollow: Areas, width: float) -> Areas:
     """Return the pieces of hollow branches that must be closed layers, because a loop above has no loop below.
 
     That happens where two branches part: the sides that they turn to each other begin over the inside of the branch
-    below. A loop is carried where its middle lies over plastic, thus by half its width; short stretches are bridges.
+    below. A loop is carried where its middle is at most half its width beside that of a loop below. Short stretches are
+    bridges.
 
     Args:
         hollow: branches that are printed as loops.
-        others: what else is printed.
         width: of the loops, mm.
     """
     middle = offset(hollow, -width / 2)
-    strips = difference(offset(middle, _HAIR), offset(middle, -_HAIR)).of_layers(
-        np.arange(1, hollow.n_layers)
-    )
-    loops = difference(hollow, offset(hollow, -width))
-    hanging = split_connected(difference(strips, union(loops, others).shift_layers(1)))
-    long = np.flatnonzero(hanging.areas.area() > 2 * _HAIR * _LONGEST_BRIDGE)
-    above = hanging.on_layers(hollow.n_layers, long).shift_layers(-1)
+    layer = middle.point_layer
+    above = np.flatnonzero(~_mark_continued_rings(middle, width / 2)[middle.point_ring])
+    hanging = np.zeros(len(layer), np.bool_)
+    hanging[above] = np.isnan(depths(middle, middle.xy[above], layer[above] - 1, width / 2))
+    following = middle.following
+    side = norm(middle.xy[following] - middle.xy) * (hanging & hanging[following])
+    length = np.bincount(middle.point_ring, side, minlength=middle.n_rings)
+    over = np.flatnonzero(hanging & (length > _LONGEST_BRIDGE)[middle.point_ring])
     pieces = split_connected(hollow)
-    under = intersection(pieces.areas, pieces.select_nearby_rings(above)).area() > 0
-    return pieces.on_layers(hollow.n_layers, np.flatnonzero(under))
+    ring = find_enclosing_rings(hollow, middle.xy[over], layer[over] - 1)
+    return pieces.on_layers(hollow.n_layers, distinct(pieces.of_ring[ring[ring >= 0]]))
+
+
+def _mark_continued_rings(rings: Areas, most: float) -> Bool:
+    """Return a mask (R,) of rings whose box differs by at most `most` mm at each side from that of a ring below.
+
+    Most rings continue a tube. This takes much less time than to compare all their points. Rings of the lowest layer
+    are marked, too.
+    """
+    boxes = Boxes.of_rings(rings)
+    one, below = boxes.find_overlapping(Boxes(boxes.low, boxes.high, boxes.layer + 1))
+    change = np.maximum(
+        np.abs(boxes.low[one] - boxes.low[below]), np.abs(boxes.high[one] - boxes.high[below])
+    )
+    result = rings.ring_layer == 0
+    result[one[change.max(axis=1) <= most]] = True
+    return np.asarray(result)

@@ -141,8 +141,8 @@ def descend(tips: Float, starts: Starts, fields: Fields, settings: TreeSettings)
         if not len(live.node):
             continue
         live = _arrive(live, floor, nodes, fields, settings)
-        if floor:
-            live = _end_on_part(live, floor, nodes, fields, settings)
+        live = _end_on_part(live, floor, nodes, fields, settings)
+        if floor and len(live.node):
             live = _go_down(live, floor, fields, settings)
     low = np.flatnonzero(starts.floor == 0)  # their first piece ends on the bed
     place = np.column_stack([starts.place[low], np.zeros(len(low))])
@@ -199,6 +199,8 @@ def _end_on_part(
     live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields, settings: TreeSettings
 ) -> LiveBranches:
     """End the branches that stand on the part under this floor; return the others."""
+    if not floor:
+        return live
     room = fields.landing[floor].ravel()[live.cell]
     cheapest = _pick(live.to_bed, floor, live.cell, fields, "price") >= settings.scar_price - 1e-3
     cheapest &= _pick(live.to_bed, floor, live.cell, fields, "price") <= settings.scar_price + 1e-3

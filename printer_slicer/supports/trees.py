@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.geometry import Areas, difference, offset, offset_open, split_connected, union
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
@@ -73,7 +74,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     others = roofs.roof.merge(roofs.joist)
     base = _cut_off(base, blocked, others, settings.width)
     hollow = base.of_layers(np.arange(1, n))
-    closed = find_closed_discs(hollow, others.merge(base.of_layers(np.arange(1))), settings.width)
+    closed = find_closed_discs(hollow, settings.width)
     interface = union(roofs.roof, closed)
     return Supports(
         plan,
@@ -89,9 +90,13 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
 
 def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
     """Return branches without what is blocked, without roofs, and without rests too small for a loop."""
-    base = offset_open(difference(difference(base, blocked), roofs), _THINNEST * width)
     pieces = split_connected(base)
-    return pieces.on_layers(base.n_layers, np.flatnonzero(pieces.areas.area() >= width**2))
+    near = Boxes(*pieces.areas.boxes(), pieces.layer).touches_any(Boxes.of_rings(blocked.merge(roofs)))
+    touched, free = (pieces.on_layers(base.n_layers, np.flatnonzero(which)) for which in (near, ~near))
+    rest = offset_open(difference(difference(touched, blocked), roofs), _THINNEST * width)
+    rests = split_connected(rest)
+    large = rests.on_layers(base.n_layers, np.flatnonzero(rests.areas.area() >= width**2))
+    return free.merge(large)
 
 
 _Room = tuple[Fields, Sections, TreeSettings]
