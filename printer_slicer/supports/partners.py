@@ -115,8 +115,6 @@ def encloses_part(one: Float, other: Float, meeting: Float, fields: Fields) -> B
     if not len(one):
         return result
     share = np.arange(_SAMPLES) / (_SAMPLES - 1)
-    # Tips lie just under the part; the edge is raised into it.
-    one, other = (ends + np.array([0.0, 0.0, fields.storey / 2]) for ends in (one, other))
     edge = one[:, None] + share[:, None] * (other - one)[:, None]
     web = edge[:, :, None] + share[:, None] * (meeting[:, None, None] - edge[:, :, None])
     flat = web.reshape(-1, 3)
@@ -124,7 +122,9 @@ def encloses_part(one: Float, other: Float, meeting: Float, fields: Fields) -> B
     solid = fields.solid.reshape(fields.n_floors, -1)[fields.find_floors(flat[:, 2]), cell].reshape(
         web.shape[:-1]
     )
-    was_free = np.maximum.accumulate(~solid, axis=2)
+    # Near the tips, the raster cannot tell what is beside the overhang from what is under it.
+    low = web[..., 2] < (np.minimum(one[:, 2], other[:, 2]) - fields.storey)[:, None, None]
+    was_free = np.maximum.accumulate(~solid & low, axis=2)
     return np.asarray((solid[..., 1:] & was_free[..., :-1]).any(axis=(1, 2)))
 
 
