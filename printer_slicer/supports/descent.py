@@ -153,10 +153,9 @@ def descend(tips: Float, starts: Starts, fields: Fields, settings: TreeSettings)
 
 def _begin(tips: Float, starts: Starts, which: Int) -> LiveBranches:
     """Return the branches of some tips as they arrive at their first floor."""
-    zero = np.zeros(len(which))
-    return LiveBranches(
-        which, starts.cell[which], starts.radius[which], starts.to_bed[which], zero, tips[which]
-    )
+    n, radius = len(which), starts.radius[which]
+    reach, drift = np.zeros(n), np.zeros((n, 2))
+    return LiveBranches(which, starts.cell[which], radius, starts.to_bed[which], reach, tips[which], drift)
 
 
 def _concatenate(live: LiveBranches, new: LiveBranches) -> LiveBranches:
@@ -229,7 +228,7 @@ def _go_down(live: LiveBranches, floor: int, fields: Fields, settings: TreeSetti
     free = _pick(live.to_bed, floor - 1, cell, fields, "free")
     possible = inside & (free >= live.radius[:, None] - _ROUNDING)
     price = _pick(live.to_bed, floor - 1, cell, fields, "price") + fields.moves.length
-    goal = choose_goals(live, floor, fields, settings)
+    goal = choose_goals(live, floor, fields, settings) + live.drift
     away = norm(fields.grid.find_middles(cell) - goal[:, None])
     cost = np.where(possible, np.where(np.isnan(away), price, away), np.inf)
     best, own = np.argmin(cost, axis=1), np.arange(len(cost))
@@ -239,4 +238,6 @@ def _go_down(live: LiveBranches, floor: int, fields: Fields, settings: TreeSetti
     most = np.minimum(free[own, best], live.radius + settings.slope * fields.storey - aside)
     radius = np.maximum(np.minimum(grow_radius(live.radius, fields.storey, settings), most), live.radius)
     reach = np.full(len(own), settings.slope * fields.storey + _ROUNDING)
-    return replace(live, cell=cell[own, best], radius=radius, reach=reach)
+    drift = np.nan_to_num(goal - fields.grid.find_middles(cell[own, best]))
+    drift = np.clip(drift, -fields.grid.cell / 2, fields.grid.cell / 2)
+    return replace(live, cell=cell[own, best], radius=radius, reach=reach, drift=drift)

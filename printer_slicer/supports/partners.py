@@ -28,6 +28,7 @@ class LiveBranches(Struct, frozen=True, eq=False):
         to_bed: whether the branch may stand on the bed only.
         reach: how far the node above may be away sideways, mm; 0: the cell is fixed.
         head: (n, 3) a tip of the branch, mm.
+        drift: (n, 2) from the middle of the cell to where the branch was to go, mm; the next move makes up for it.
     """
 
     node: Int
@@ -36,6 +37,7 @@ class LiveBranches(Struct, frozen=True, eq=False):
     to_bed: Bool
     reach: Float
     head: Float
+    drift: Float
 
     def take(self, which: Int | Bool) -> LiveBranches:
         """Return some of the branches."""
