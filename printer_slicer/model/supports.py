@@ -61,6 +61,8 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
         hollow: the part of `base` that is printed as loops only: branches of trees.
         branches: (B, 8) z, x, y and radius of the lower end, then of the upper end of each piece of a branch, mm.
         bare: places without support.
+        interface_angle: (R,) radians for each ring of `interface`: direction of its lines, across the joists below; nan
+            where any direction will do.
     """
 
     plan: SupportPlan
@@ -71,9 +73,13 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
     hollow: Areas
     branches: Float = field(default_factory=lambda: np.zeros((0, 8)))
     bare: tuple[Bare, ...] = ()
+    interface_angle: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         force_setattr(self, "branches", frozen_array(self.branches, np.float64, (-1, 8)))
+        n_rings = self.interface.n_rings
+        angle = self.interface_angle if len(self.interface_angle) else np.full(n_rings, np.nan)
+        force_setattr(self, "interface_angle", frozen_array(angle, np.float64, (n_rings,)))
 
     def __repr__(self) -> str:
         volume = float(self.area.area() @ self.plan.layers.height)

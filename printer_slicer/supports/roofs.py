@@ -57,13 +57,17 @@ class Roofs(Struct, frozen=True, eq=False):
 
     Attributes:
         roof: closed layers.
-        roof_angle: (R,) direction of the lines in each ring of `roof`, across the joists, radians.
         joist: lines below.
+        joists: the same lines.
     """
 
     roof: Areas
-    roof_angle: Float
     joist: Areas
+    joists: Joists
+
+    def find_line_angles(self, areas: Areas) -> Float:
+        """Return for each ring of areas the direction across the nearest joist below it, radians; nan without one."""
+        return _find_angles_across(self.joists, areas)
 
 
 def find_wide_contacts(contacts: Areas, carrier: Int, n_layers: int) -> Areas:
@@ -180,7 +184,7 @@ def build_roofs(roofs: Areas, joists: Joists, blocked: Areas, settings: TreeSett
     half = np.full(len(layer), settings.width / 2)
     joist = stroke_lines(ends.reshape(-1, 2), 2 * np.arange(len(layer) + 1), layer - 1, half, n)
     joist = difference(difference(joist, blocked), roof)
-    return Roofs(roof, _find_roof_angles(roof, joists), joist)
+    return Roofs(roof, joist, joists)
 
 
 def _draw_rectangles(ends: Float, along: float, across: Float, layer: Int, n_layers: int) -> Areas:
@@ -196,8 +200,8 @@ def _draw_rectangles(ends: Float, along: float, across: Float, layer: Int, n_lay
     return Areas(corners.reshape(-1, 2), 4 * np.arange(len(ends) + 1), layer, n_layers)
 
 
-def _find_roof_angles(roof: Areas, joists: Joists) -> Float:
-    """Return for each ring of roofs the direction across the nearest joist of its layer, radians; nan without one."""
+def _find_angles_across(joists: Joists, roof: Areas) -> Float:
+    """Return for each ring (R,) the direction across the nearest joist, radians; nan without one."""
     result = np.full(roof.n_rings, np.nan)
     middle = joists.ends.mean(axis=1)
     for ring, layer in enumerate(roof.ring_layer.tolist()):

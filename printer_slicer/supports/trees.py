@@ -85,6 +85,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
         hollow=difference(hollow, closed),
         branches=forest.pieces,
         bare=bare,
+        interface_angle=roofs.find_line_angles(interface),
     )
 
 

@@ -261,3 +261,11 @@ def test_trees_of_a_tee_are_light() -> None:
     volume = float(draw_plastic(supports).area() @ supports.plan.layers.height)
 
     assert 800 < volume < 1600
+
+
+def test_lines_of_roofs_run_across_joists() -> None:
+    supports, _ = grown("tee")  # its arms point along x, and so do the joists
+
+    angle = supports.interface_angle
+    assert np.isfinite(angle).any()
+    assert angle[np.isfinite(angle)] == pytest.approx(np.pi / 2)
