@@ -102,7 +102,7 @@ def _convert_cooling(conversion: Conversion) -> None:
         low, names = most, (*names, "max_fan_speed")  # the minimum comes from the profile that is changed
     conversion.clamp("fan_ratio", low, 0, 1, names, "" if always else "fan_always_on is off")
     conversion.clamp("fan_ratio_max", most if cooling else low, 0, 1, ("max_fan_speed", "cooling"), how)
-    _convert_bridge_fan(conversion)
+    _convert_role_fans(conversion)
     conversion.clamp(
         "fan_layer_time", preset.read_number("fan_below_layer_time"), 0, 600, "fan_below_layer_time"
     )
@@ -119,8 +119,8 @@ def _convert_cooling(conversion: Conversion) -> None:
     _convert_overhang_fan(conversion)
 
 
-def _convert_bridge_fan(conversion: Conversion) -> None:
-    """Convert the fan speed on bridges."""
+def _convert_role_fans(conversion: Conversion) -> None:
+    """Convert the fan speeds on bridges and on the interface of supports."""
     preset = conversion.preset
     bridge = _read_fan_ratio(preset, "bridge_fan_speed")
     if preset.dialect == "orca" and not preset.is_on("enable_overhang_bridge_fan"):
@@ -128,6 +128,9 @@ def _convert_bridge_fan(conversion: Conversion) -> None:
         conversion.put("fan_ratio_bridge", 0, names, "as on other extrusions")
     else:
         conversion.clamp("fan_ratio_bridge", bridge, 0, 1, ("bridge_fan_speed", "enable_overhang_bridge_fan"))
+    interface = "support_material_interface_fan_speed"  # -1: as on other extrusions
+    if preset.has(interface) and preset.read_number(interface) >= 0:
+        conversion.clamp("support_fan", _read_fan_ratio(preset, interface), 0, 1, interface)
 
 
 def _convert_fan_heights(conversion: Conversion) -> None:

@@ -104,6 +104,14 @@ def test_orcaslicer(tmp_path: Path) -> None:
     assert not [one for one in made.left if "support" in one.theirs]
 
 
+@pytest.mark.parametrize(("speed", "ratio"), [("70", 0.7), ("0", 0), ("-1", None)])
+def test_the_fan_on_interfaces(speed: str, ratio: float | None, tmp_path: Path) -> None:
+    filament = {"type": "filament", "name": "pla", "support_material_interface_fan_speed": [speed]}
+    made = imported(json_file(tmp_path / "pla.json", filament))["material"]
+
+    assert made.values.get("support_fan") == ratio
+
+
 @pytest.mark.parametrize(
     ("changes", "style"),
     [
