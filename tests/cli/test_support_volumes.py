@@ -190,3 +190,14 @@ def test_volumes_of_a_file_are_used(folder: Path) -> None:
     assert area[-1] == pytest.approx(600)
     assert outcome.code == 0, outcome.err
     assert any("negative volumes" in text for text in json.loads(outcome.out)["warnings"])
+
+
+def test_painted_facets_without_supports_are_reported(folder: Path) -> None:
+    """Unless one object has supports."""
+    mesh = mesh_xml(CORNERS * 5).replace('v1="0"', 'paint_supports="4" v1="0"', 1)
+    text = model_xml({1: mesh}, item(1)).replace('<object id="1"', '<object name="lid" id="1"')
+    path = write(folder, three_mf(text), "painted.3mf")
+    words = ("slice", path, "-o", folder / "x.gcode", *QUICK)
+
+    assert "facets painted for supports, but supports are off" in " ".join(typed(*words).err.split())
+    assert "painted" not in typed(*words, "--set-for", "lid:support=columns").err
