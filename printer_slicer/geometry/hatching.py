@@ -10,7 +10,15 @@ from printer_slicer.geometry.connectivity import find_chain_ends
 from printer_slicer.geometry.engine import offset
 from printer_slicer.values import Struct
 
-__all__ = ["HatchGrids", "chain_rows", "find_columns", "find_row_crossings", "hatch", "hatch_evenly", "row_ends"]
+__all__ = [
+    "HatchGrids",
+    "chain_rows",
+    "find_columns",
+    "find_row_crossings",
+    "hatch",
+    "hatch_evenly",
+    "row_ends",
+]
 
 _NARROWEST, _WIDEST = 0.7, 1.5  # limits of the row spacing, as a share of the usual spacing
 _INSET = 2e-4  # mm; more than the engine's rounding

@@ -54,7 +54,9 @@ def test_cells_are_inside_if_their_middles_are(seed: int) -> None:
 
 def test_many_layers_are_rasterized_like_single_ones() -> None:
     areas = areas_of(3, 40)
-    fine = CellGrid.around(np.array([-4.0, -3.0]), np.array([6.0, 7.0]), 0.02)  # more cells than fit one batch
+    fine = CellGrid.around(
+        np.array([-4.0, -3.0]), np.array([6.0, 7.0]), 0.02
+    )  # more cells than fit one batch
 
     mask = rasterize_areas(areas, fine)
 
@@ -103,7 +105,7 @@ def test_best_values_among_moves(seed: int) -> None:
 
     for row in range(7):
         for column in range(9):
-            to = moves + (row, column)
+            to = moves + np.array([row, column])
             on = ((to >= 0) & (to < (7, 9))).all(axis=1)
             values = field[tuple(to[on].T)]
             assert highest[row, column] == values.max(initial=-np.inf)
