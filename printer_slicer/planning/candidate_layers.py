@@ -75,6 +75,7 @@ class CandidateLayers(Struct, frozen=True, eq=False):
         containment = profile.quality.containment
         middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)
         times, volumes = LayerTimes(surface, profile, middles), _VolumeErrors(surface, grid, containment)
+        times.prepare(np.array([row.height * grid.unit for row in rows], np.float64))
         seconds = (times.seconds(2 * row.end - row.height, row.height * grid.unit) for row in rows)
         end = _concatenate((row.end for row in rows), np.int64)
         start = _concatenate((row.end - row.height for row in rows), np.int64)
@@ -87,9 +88,7 @@ class CandidateLayers(Struct, frozen=True, eq=False):
             _concatenate((row.listed for row in rows), np.bool_).take(order),
             _concatenate((row.free for row in rows), np.bool_).take(order),
             _concatenate(_compute_bounds(surface, grid, containment, rows), np.float64).take(order),
-            _concatenate(
-                (volumes.bound_errors(row.end - row.height, row.end) for row in rows), np.float64
-            ).take(order),
+            volumes.bound_errors(start, end).take(order),
             _concatenate(seconds, np.float64).take(order),
             times.seconds_per_mm3(profile.quality.layer_height),
             np.reshape(

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.model import Mesh
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import HeightRange, Profile
@@ -143,19 +143,27 @@ def list_candidate_layers(
     event = np.zeros(grid.n + 1, np.bool_)
     event[grid.nearest_nodes(planes)] = True
     event[0], event[-1] = bool(first), True  # above a fixed first layer any height is allowed, as at a flat
+    nodes = np.flatnonzero(event)
     allowed = set((steps.allowed // grid.steps).tolist())
     rows = []
     for height in range(grid.lowest, min(grid.highest, grid.n) + 1):
-        end = np.arange(height, grid.n + 1)
+        ranges = [
+            one
+            for one in profile.dials.ranges
+            if one.layer_height and grid.to_units(one.layer_height) == height
+        ]
+        if everywhere or ranges or height in allowed:
+            end = np.arange(height, grid.n + 1)
+        else:  # few layers touch an event plane
+            end = distinct(np.concatenate([nodes[nodes >= height], nodes[nodes <= grid.n - height] + height]))
         start = end - height
         listed = np.full(len(end), height in allowed)
-        for height_range in profile.dials.ranges:
-            if height_range.layer_height and grid.to_units(height_range.layer_height) == height:
-                listed |= overlaps_range(height_range, grid, start, end)
+        for height_range in ranges:
+            listed |= overlaps_range(height_range, grid, start, end)
         free = listed | event[end] | event[start]
         chosen = free | everywhere
         if first and height != first:
-            chosen[0] = False
-        chosen[-1] &= steps.lowest <= height * grid.steps + grid.rest <= steps.highest
+            chosen[start == 0] = False
+        chosen[end == grid.n] &= steps.lowest <= height * grid.steps + grid.rest <= steps.highest
         rows.append(HeightRow(height, end[chosen], listed[chosen], free[chosen]))
     return rows

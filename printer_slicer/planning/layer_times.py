@@ -79,6 +79,13 @@ class LayerTimes:
         self._travel_seconds = self._time_travels()
         self._cached_times: dict[tuple[float, bool], Float] = {}
 
+    def prepare(self, heights: Float) -> None:
+        """Compute the times of layers above the first for heights (H,), mm, at once, which `seconds` uses."""
+        times = self._compute_level_times(heights, self._above)
+        self._cached_times |= {
+            (height, False): row for height, row in zip(heights.tolist(), times, strict=True)
+        }
+
     def seconds(self, indices: Int, height: float) -> Float:
         """Return the time of layers (m,) of `height` mm that are cut at the heights `z[indices]`, s."""
         found = self._interpolate(self._level_times(height, self._above), indices)
@@ -89,7 +96,7 @@ class LayerTimes:
 
     def seconds_per_mm3(self, height: float) -> float:
         """Return the time per mm³ of extruded material, s, in layers of `height` mm above the first."""
-        length, _ = self._measure_lines(height, self._above)
+        (length,), _ = self._measure_lines(np.array([height]), self._above)
         gap = float(bead.spacing(self._profile.extrusion_width, height))
         return float(self._level_times(height, self._above).sum() / max(length.sum() * gap * height, 1e-9))
 
@@ -103,36 +110,41 @@ class LayerTimes:
         """Return the time (L,) of a layer of `height` mm at each level, s; computed once for each height."""
         known = self._cached_times.get((height, times is self._on_bed))
         if known is None:
-            known = self._cached_times[height, times is self._on_bed] = self._compute_level_times(
-                height, times
-            )
+            (known,) = self._compute_level_times(np.array([height]), times)
+            self._cached_times[height, times is self._on_bed] = known
         return known
 
-    def _compute_level_times(self, height: float, times: _LayerLineTimes) -> Float:
-        """Compute the time (L,) of a layer of `height` mm at each level, s."""
+    def _compute_level_times(self, heights: Float, times: _LayerLineTimes) -> Float:
+        """Compute the times (H, L) of layers of heights (H,), mm, at each level, s."""
         material, printer = self._profile.material, self._profile.printer
-        length, printing = self._measure_lines(height, times)
-        idle = self._travel_seconds + time_moves(height, printer.max_speed_z, printer.max_acceleration_z)
+        length, printing = self._measure_lines(heights, times)
+        lift = time_moves(heights, printer.max_speed_z, printer.max_acceleration_z)
+        idle = self._travel_seconds + lift[:, None]
         quick = printing + idle
         slowest = length / material.min_speed + idle
         return np.asarray(np.clip(material.min_layer_time, quick, np.maximum(slowest, quick)))
 
-    def _measure_lines(self, height: float, times: _LayerLineTimes) -> tuple[Float, Float]:
-        """Return the length of all extrusions of a layer at each level (L,), mm, and their print time (L,), s."""
+    def _measure_lines(self, heights: Float, times: _LayerLineTimes) -> tuple[Float, Float]:
+        """Return the length of all extrusions of layers of heights (H,) at each level, mm, and their print time, s.
+
+        Both are (H, L).
+        """
         quality, at, chord = self._profile.quality, self._sections, self._chord
-        gap = float(bead.spacing(self._profile.extrusion_width, height))
-        fastest = times.flow / (gap * height * self._profile.material.flow_ratio)
+        gap = bead.spacing(self._profile.extrusion_width, heights)
+        fastest = times.flow / (gap * heights * self._profile.material.flow_ratio)
         external, inner = min(quality.perimeters, 1), max(quality.perimeters - 1, 0)
-        kinds = self._infill_lengths(height, gap, first=times is self._on_bed)
+        kinds = self._infill_lengths(heights, gap[:, None], first=times is self._on_bed)
         printing = at.at_levels(
-            external * times.external.at_speed(fastest) + inner * times.inner.at_speed(fastest)
+            external * times.external.at_speeds(fastest) + inner * times.inner.at_speeds(fastest)
         )
         for kind, rows in zip(kinds, times.rows, strict=True):
             printing += kind * rows.seconds_per_mm(chord, fastest)
         return (external + inner) * at.length + sum(kinds), printing
 
-    def _infill_lengths(self, height: float, gap: float, *, first: bool) -> tuple[Float, ...]:
-        """Return the length of each kind of infill in a layer at each level (L,), mm.
+    def _infill_lengths(self, heights: Float, gap: Float, *, first: bool) -> tuple[Float, ...]:
+        """Return the length (H, L) of each kind of infill in layers of heights (H,) at each level, mm.
+
+        `gap` (H, 1) is the spacing of lines.
 
         The kinds are solid, internal and top solid infill, bridges and internal bridges.
         """
@@ -141,8 +153,8 @@ class LayerTimes:
         if first:
             none = np.zeros(len(at.z))
             return at.inside / gap, none, none, none, none
-        solid = at.solid_area(height)
-        top, bridges, internal_bridges = at.exposed_areas(height, solid)
+        solid = at.solid_areas(heights)
+        top, bridges, internal_bridges = at.exposed_areas(heights, solid)
         left = solid - top - bridges - internal_bridges
         # Bridge lines are as wide as the nozzle.
         return (
@@ -196,7 +208,7 @@ class LayerTimes:
             for speed in (printer.retract_speed, printer.deretract_speed)
         )
         hop = float(time_moves(printer.z_hop, printer.max_speed_z, printer.max_acceleration_z))
-        area = at.solid_area(self._profile.quality.layer_height)
+        (area,) = at.solid_areas(np.array([self._profile.quality.layer_height]))
         solid, infill = area / self._profile.extrusion_width, (at.inside - area) / self._infill_spacing
         by_loop, by_solid, by_infill = _TRAVELS_PER_LINE
         count = by_loop * at.loops + (by_solid * solid + by_infill * infill) / self._chord

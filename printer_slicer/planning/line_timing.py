@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Float, next_in_ring
+from printer_slicer.arrays import Float, interpolate_rows, next_in_ring
 from printer_slicer.geometry import Areas
 from printer_slicer.motion.durations import compute_durations
 from printer_slicer.motion.rules import MotionLimits
@@ -52,13 +52,13 @@ class LineTimes(Struct, frozen=True, eq=False):
     at_slow: Float
     at_fast: Float
 
-    def at_speed(self, speed: float) -> Float:
-        """Return the times (n,) at a speed, mm/s, clamped to the limits, s."""
+    def at_speeds(self, speeds: Float) -> Float:
+        """Return the times (H, n) at speeds (H,), mm/s, clamped to the limits, s."""
         if self.fast <= self.slow:
-            return self.at_fast
-        speed = min(max(speed, self.slow), self.fast)
-        share = (1 / speed - 1 / self.fast) / (1 / self.slow - 1 / self.fast)
-        return self.at_fast + share * (self.at_slow - self.at_fast)
+            return np.tile(self.at_fast, (len(speeds), 1))
+        speeds = np.minimum(np.maximum(speeds, self.slow), self.fast)
+        share = (1 / speeds - 1 / self.fast) / (1 / self.slow - 1 / self.fast)
+        return np.asarray(self.at_fast + share[:, None] * (self.at_slow - self.at_fast))
 
 
 def time_contours(contours: Areas, line: LineMotion, slowest: float, limits: MotionLimits) -> LineTimes:
@@ -101,11 +101,11 @@ class InfillRowTimes(Struct, frozen=True, eq=False):
     length: Float
     times: LineTimes
 
-    def seconds_per_mm(self, length: Float, speed: float) -> Float:
-        """Return the time per mm of lines of lengths (n,), s/mm."""
-        rate = self.times.at_speed(speed) / self.length
-        share = np.interp(np.log(length), np.log(self.length), np.log(rate / rate[0]))
-        return np.asarray(np.exp(share) * rate[0])
+    def seconds_per_mm(self, length: Float, speeds: Float) -> Float:
+        """Return the time per mm (H, n) of lines of lengths (n,) at speeds (H,), s/mm."""
+        rate = self.times.at_speeds(speeds) / self.length
+        share = interpolate_rows(np.log(length), np.log(self.length), np.log(rate / rate[:, :1]))
+        return np.asarray(np.exp(share) * rate[:, :1])
 
 
 def time_rows(connection: float, line: LineMotion, slowest: float, limits: MotionLimits) -> InfillRowTimes:

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, next_in_ring
+from printer_slicer.arrays import Float, interpolate_rows, next_in_ring
 from printer_slicer.geometry import Areas, simplify
 from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.profile import Profile
@@ -41,11 +41,11 @@ class Shadows(Struct, frozen=True, eq=False):
         return cls(z, up, down - down[0])
 
     def up_between(self, low: Float, high: Float) -> Float:
-        """Return the area that faces up between two heights (m,), mm²."""
+        """Return the area that faces up between two heights, mm², in the shape of the heights."""
         return np.asarray(np.interp(high, self.z, self.up) - np.interp(low, self.z, self.up))
 
     def down_between(self, low: Float, high: Float) -> Float:
-        """Return the area that faces down between two heights (m,), mm²."""
+        """Return the area that faces down between two heights, mm², in the shape of the heights."""
         return np.asarray(np.interp(high, self.z, self.down) - np.interp(low, self.z, self.down))
 
 
@@ -77,22 +77,24 @@ class SectionSums(Struct, frozen=True, eq=False):
     shell: tuple[float, float]
 
     def at_levels(self, values: Float) -> Float:
-        """Interpolate values of the planes (P,) at the levels (L,)."""
-        return np.interp(self.z, self.planes, values)
+        """Interpolate values of the planes (H, P) at the levels, (H, L)."""
+        return interpolate_rows(self.z, self.planes, values)
 
-    def solid_area(self, height: float) -> Float:
-        """Return the area (L,) of solid infill in layers of `height` mm, mm²: the area within the shell thickness."""
-        z, (top, bottom) = self.z, self.shell
+    def solid_areas(self, heights: Float) -> Float:
+        """Return the area (H, L) of solid infill in layers of heights (H,), mm²: the area within the shell."""
+        z, (top, bottom), height = self.z, self.shell, heights[:, None]
         near = self.shadows.up_between(z, z + height / 2 + top)
         near += self.shadows.down_between(z - height / 2 - bottom, z)
         near += (z - height / 2 < bottom) * self.area
         # Only part of this area lies inside the perimeters.
         return np.asarray(np.minimum(near * np.sqrt(self.inside / np.maximum(self.area, 1e-9)), self.inside))
 
-    def exposed_areas(self, height: float, solid: Float) -> tuple[Float, Float, Float]:
-        """Return the areas (L,) of top solid infill, bridges and internal bridges in layers of `height` mm, mm²."""
-        begins = self.z + self.shell[0]
-        infill_below = np.interp(self.z - height, self.z, self.inside - solid)
+    def exposed_areas(self, heights: Float, solid: Float) -> tuple[Float, Float, Float]:
+        """Return the areas (H, L) of top solid infill, bridges and internal bridges in layers of heights (H,), mm²."""
+        height, begins = heights[:, None], self.z + self.shell[0]
+        infill_below = np.zeros(solid.shape)
+        for row, one, infill in zip(infill_below, heights, self.inside - solid, strict=True):
+            row[:] = np.interp(self.z - one, self.z, infill)
         left, areas = solid, []
         for found in (
             self.shadows.up_between(self.z, self.z + height),
