@@ -14,12 +14,10 @@ import numpy as np
 
 from printer_slicer.adhesion import add_adhesion, place_on_raft
 from printer_slicer.arguments import check_argument, check_arguments
-from printer_slicer.curves import fit_arcs
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import label_moves
-from printer_slicer.link_limiter import limit_link
 from printer_slicer.model import (
     LayerPlan,
     Mesh,
@@ -163,12 +161,21 @@ def slice_planned(
     report("ordering")
     printed = place_on_raft(solid, profile)
     paths[:] = [add_adhesion(paths, solid, printed, profile)]
-    toolpaths = fit_arcs(order(paths.pop(), printed, profile), profile)
+    toolpaths = order(paths.pop(), printed, profile)
+    if profile.quality.arc_tolerance:
+        from printer_slicer.curves import fit_arcs  # noqa: PLC0415 - few profiles allow arcs
+
+        toolpaths = fit_arcs(toolpaths, profile)
     report("travels")
     travels = travel(toolpaths, printed, profile)
     report("extrusion")
     program = extrude(toolpaths, travels, profile, profiles)
-    toolpaths, travels, program, link = limit_link((toolpaths, travels, program), printed, profile, profiles)
+    link = None
+    if profile.printer.link_lines_per_second:
+        from printer_slicer.link_limiter import limit_link  # noqa: PLC0415 - few profiles limit the link
+
+        moves = toolpaths, travels, program
+        toolpaths, travels, program, link = limit_link(moves, printed, profile, profiles)
     toolpaths = (
         toolpaths if keep else toolpaths.take(np.flatnonzero(roles_with(is_part=False)[toolpaths.role]))
     )

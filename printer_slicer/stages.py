@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from printer_slicer.arguments import check_argument
 from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.errors import MeshError
-from printer_slicer.link_limiter import LinkReport
 from printer_slicer.model import (
     Labels,
     LayerPlan,
@@ -31,6 +30,9 @@ from printer_slicer.progress import Report
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.strategies import Strategies
 from printer_slicer.values import Struct, field, force_setattr
+
+if TYPE_CHECKING:
+    from printer_slicer.link_limiter import LinkReport
 
 __all__ = ["SliceOptions", "Stages", "check_part"]
 

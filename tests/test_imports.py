@@ -158,7 +158,18 @@ def test_slicing_a_box_imports_nothing_that_a_box_does_without(tmp_path: Path) -
         "uniform"
     }
     assert {name.partition(".")[2] for name in own if name.startswith("infill.")} & patterns == {"grid"}
-    assert len(own) <= 262
+    assert len(own) <= 250
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere platformdirs finds the user's profiles")
+def test_slicing_imports_no_library_for_folders_and_temporary_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PRINTER_SLICER_PROFILES", "XDG_CONFIG_HOME", "ANDROID_ROOT"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+    assert not {*after_slicing(tmp_path, "-q")} & {"platformdirs", "shutil", "tempfile"}
 
 
 @pytest.mark.parametrize("name", printer_slicer.__all__)

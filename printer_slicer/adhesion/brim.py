@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.adhesion.brim_ears import find_sharp_corners
 from printer_slicer.adhesion.loops import is_on_bed, loop_paths
 from printer_slicer.arrays import Bool, Float, Int, polyline_lengths
 from printer_slicer.errors import PartError
@@ -138,6 +137,8 @@ def _limit_areas(zones: _BrimZones, reach: float, width: float, quality: Quality
     free = union(Areas.from_rings(inside), offset(zones.holes, -clear, join="round"))
     if quality.brim_type == "outer":
         return free
+    from printer_slicer.adhesion.brim_ears import find_sharp_corners  # noqa: PLC0415 - few brims have ears
+
     corner, zone = find_sharp_corners(zones.bodies, quality.brim_ear_angle_deg, quality.brim_ear_scale)
     turn = 2 * np.pi * np.arange(_EAR_CORNERS) / _EAR_CORNERS
     disc = reach * np.column_stack([np.cos(turn), np.sin(turn)])

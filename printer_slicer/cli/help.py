@@ -7,8 +7,11 @@ short, `--help` shows all of it.
 from __future__ import annotations
 
 import argparse
+import os
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final
 
 __all__ = [
@@ -28,6 +31,7 @@ SHORT_LINES: Final = 40
 
 _MOST_EXAMPLES: Final = 4  # in `--help`, if it does not show all options
 _FLAG: Final = re.compile(r"(?<!\S)--[a-z-]+")
+_COLUMNS: Final = 80  # if the output is not a terminal
 _LINES_BELOW: Final = 2  # a blank line and the line that names --help-all
 
 FILES: Final = (
@@ -92,7 +96,8 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
     """Formats an option with its value once, as `-o, --output FILE`, and aligns the explanations."""
 
     def __init__(self, prog: str, **named: Any) -> None:
-        super().__init__(prog, **{"max_help_position": 26} | named)
+        # argparse makes a formatter for each argument that is added. Without a width, it imports shutil.
+        super().__init__(prog, **{"max_help_position": 26, "width": _find_width()} | named)
         self._action_max_length = 14  # argparse would make the column of commands too narrow
 
     def _format_action_invocation(self, action: argparse.Action) -> str:
@@ -100,6 +105,17 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
             return super()._format_action_invocation(action)
         value = self._format_args(action, self._get_default_metavar_for_optional(action))
         return f"{', '.join(action.option_strings)} {value}"
+
+
+def _find_width() -> int:
+    """Return the width of the help as argparse does: the columns of $COLUMNS, of the terminal, or 80; less 2."""
+    columns = 0
+    with suppress(KeyError, ValueError):
+        columns = int(os.environ["COLUMNS"])
+    if columns <= 0:
+        with suppress(AttributeError, ValueError, OSError):  # stdout is closed, or is not a terminal
+            columns = os.get_terminal_size(sys.__stdout__.fileno()).columns  # type: ignore[union-attr]
+    return (columns if columns > 0 else _COLUMNS) - 2
 
 
 def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> str:

@@ -21,17 +21,17 @@ _STDIN_PATH: Final = Path("-")
 _PROFILE_OPTIONS: Final = ("printer", "material", "quality")
 _FILE_ACTIONS: Final = ("check", "show", "diff", *_PROFILE_OPTIONS)  # actions of `profiles` that read files
 _CHUNK_BYTES, _MAX_STDIN_BYTES = 1 << 20, 1 << 31  # bytes; readers of each format have limits of their own
-_GCODE_LINE: Final = re.compile(rb"\s*(;|[GMTN]\d|%|$)", re.IGNORECASE)
+# Patterns as text: `re` compiles them when they are first used, which most commands never do.
+_GCODE_LINE: Final = rb"(?i)\s*(;|[GMTN]\d|%|$)"
 _EXAMINED_LINES: Final = 40  # at the start of a file
 # First words of model formats whose lines could be mistaken for comments or commands.
-_MODEL_LINE: Final = re.compile(rb"\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)", re.IGNORECASE)
+_MODEL_LINE: Final = rb"(?i)\s*(solid\b|ply\b|n?off\b|mtllib\b|v\s|g\s|o\s|#|<|\{)"
 
 _EXAMINED_BYTES: Final = 1 << 16  # at the start of a file
 # A letter with a number, optionally after a line number; the name of a macro, alone or with KEY=VALUE; the special
 # commands of some controllers.
-_COMMAND: Final = re.compile(
-    rb"(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*]|\{(?!\s*[\"}])",
-    re.IGNORECASE,
+_COMMAND: Final = (
+    rb"(?i)(N\d+\s*)?[GMTXYZEFS]\s*([-+.\d{\[]|$)|[A-Z_]\w*(\s+\w+\s*=.*)?\s*$|M117\b|[%@$(/*]|\{(?!\s*[\"}])"
 )
 
 
@@ -174,10 +174,10 @@ def save_stdin(stream: IO[bytes], folder: Path, suffix: str = "", max_bytes: int
 
 def _looks_like_gcode(head: bytes) -> bool:
     """Return whether a file starts like G-code, and not like a model in a text format."""
-    if _MODEL_LINE.match(head) or b"\0" in head:
+    if re.match(_MODEL_LINE, head) or b"\0" in head:
         return False
     lines = head.splitlines()[:_EXAMINED_LINES]
-    return bool(lines) and sum(bool(_GCODE_LINE.match(line)) for line in lines) >= 0.9 * len(lines)
+    return bool(lines) and sum(bool(re.match(_GCODE_LINE, line)) for line in lines) >= 0.9 * len(lines)
 
 
 def reject_non_gcode(path: Path) -> None:
@@ -213,7 +213,7 @@ def _reject_other_lines(path: Path, head: bytes) -> None:
     """
     whole = head if len(head) < _EXAMINED_BYTES else head.rpartition(b"\n")[0]
     lines = [line for line in map(_strip_comment, whole.splitlines()) if line]
-    other = [line for line in lines if not _COMMAND.match(line)]
+    other = [line for line in lines if not re.match(_COMMAND, line)]
     if b"\0" in head[:512] or len(other) > len(lines) / 2:
         shown = (
             "" if b"\0" in head[:512] else f": most lines are not commands, such as {_quote_line(other[0])}"

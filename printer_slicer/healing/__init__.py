@@ -6,23 +6,15 @@ section when the mesh is cut. Each step relies on the ones before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
 from printer_slicer.arguments import check_arguments
 from printer_slicer.errors import MeshError
-from printer_slicer.healing.consistent_winding import orient_consistently
-from printer_slicer.healing.duplicates import drop_duplicates, drop_sheets, join_corners
-from printer_slicer.healing.facets import Facets
-from printer_slicer.healing.holes import fill_holes
-from printer_slicer.healing.orient_outward import orient_outward
-from printer_slicer.healing.shells import drop_loose_facets
 from printer_slicer.healing.soundness import is_sound
-from printer_slicer.model import Mesh, Repair, Repairs
+from printer_slicer.model import Mesh, Repairs
 
 __all__ = ["repair", "require_no_repair"]
 
-_Step = Callable[[Facets], tuple[Facets, list[Repair]]]
 _repaired_meshes: WeakKeyDictionary[Mesh, bool] = WeakKeyDictionary()
 """Repaired meshes, which are not repaired again, and whether each was sound from the start."""
 
@@ -46,7 +38,7 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """
     if mesh in _repaired_meshes:
         return mesh, Repairs(sound=_repaired_meshes[mesh])
-    repaired, repairs = _run_steps(mesh)
+    repaired, repairs = _repair_unless_sound(mesh)
     _repaired_meshes[repaired] = repairs.sound
     return repaired, repairs
 
@@ -66,30 +58,10 @@ def require_no_repair(name: str, repairs: Repairs) -> None:
         )
 
 
-def _run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
+def _repair_unless_sound(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """Run the steps that `repair` lists, unless the mesh is sound."""
     if is_sound(mesh.triangles):
         return mesh, Repairs(sound=True)
-    facets = Facets.from_triangles(mesh.triangles)
-    steps: list[_Step] = [
-        drop_duplicates,
-        join_corners,
-        drop_duplicates,
-        drop_sheets,
-        drop_loose_facets,
-        lambda surface: orient_consistently(surface, mesh.name),
-        fill_holes,
-        orient_outward,
-    ]
-    done: list[Repair] = []
-    for step in steps:
-        facets, more = step(facets)
-        done += more
-    if not len(facets.corners):
-        raise MeshError(
-            f"{mesh.name}: the facets enclose no volume",
-            remedy="Close the surface of the part in CAD, or give it a thickness",
-        )
-    items = tuple(item.without_facets() for item in mesh.objects)
-    repaired = Mesh(facets.triangles, mesh.name, items, mesh.volumes)
-    return (repaired, Repairs(tuple(done))) if done else (mesh, Repairs())
+    from printer_slicer.healing.steps import run_steps  # noqa: PLC0415 - most meshes are sound
+
+    return run_steps(mesh)

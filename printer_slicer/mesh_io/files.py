@@ -8,7 +8,6 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from io import BufferedRandom, BufferedReader
-from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Final
 
 from printer_slicer.errors import MeshError, UsageError
@@ -133,6 +132,8 @@ def open_model_file(path: Path, limits: Limits, progress: Progress) -> Iterator[
     with file, ExitStack() as stack:
         try:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                from tempfile import TemporaryFile  # noqa: PLC0415 - slow, and only needed for pipes
+
                 spool = stack.enter_context(TemporaryFile())
                 source = ModelFile(path, _spool_pipe(file, spool, path, limits), progress)
             else:

@@ -8,6 +8,7 @@ separated as in PATH; an empty value means none.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -41,9 +42,24 @@ def find_user_folders() -> list[Path]:
     given = os.environ.get(VARIABLE)
     if given is not None:
         return [Path(folder) for folder in given.split(os.pathsep) if folder]
-    from platformdirs import user_config_path  # noqa: PLC0415 - slow, and not needed if the variable is set
+    return [_find_user_folder()]
 
-    return [user_config_path("printer_slicer", appauthor=False)]
+
+def _find_user_folder() -> Path:
+    """Return the platform's configuration folder for this program."""
+    configured = os.environ.get("XDG_CONFIG_HOME", "")
+    home = os.environ.get("HOME", "")
+    if (
+        sys.platform == "linux"
+        and not configured
+        and Path(home).is_absolute()
+        and "ANDROID_ROOT" not in os.environ
+    ):
+        # The usual case on Linux: the same folder without importing platformdirs and the eight modules that it uses.
+        return Path(home, ".config", "printer_slicer")
+    from platformdirs import user_config_path  # noqa: PLC0415 - slow, and not needed in the usual case
+
+    return user_config_path("printer_slicer", appauthor=False)
 
 
 def list_search_folders(folders: Sequence[Path] = ()) -> list[Path]:

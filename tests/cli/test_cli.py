@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from command_line import BOX, MACHINE, NO_BUFFER, PARTS, QUICK, USUAL, is_message, process, started, typed
 
-from printer_slicer.cli.help import SHORT_LINES, is_advanced
+from printer_slicer.cli.help import SHORT_LINES, HelpFormatter, is_advanced
 from printer_slicer.cli.parser import build_parser
 from printer_slicer.profile import DEFAULT_NAMES, find_profile_paths, list_settings, load_profile
 from printer_slicer.profile.tables import list_setting_definitions
@@ -62,6 +62,18 @@ def test_the_help_of_the_program_names_all_commands_and_exit_codes() -> None:
     assert all(
         re.search(rf"\b{code} \w+", outcome.out.partition("exit codes:")[2]) for code in (0, 2, 3, 4, 5, 6, 7)
     )
+
+
+@pytest.mark.parametrize("columns", [None, "", "wide", "0", "-3", "60", "200"])
+def test_the_help_is_as_wide_as_argparse_makes_it(
+    columns: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if columns is None:
+        monkeypatch.delenv("COLUMNS", raising=False)
+    else:
+        monkeypatch.setenv("COLUMNS", columns)
+
+    assert HelpFormatter("x")._width == argparse.HelpFormatter("x")._width
 
 
 def parsers() -> Iterator[tuple[str, argparse.ArgumentParser]]:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from platformdirs import user_config_path
 
 from printer_slicer.errors import ProfileError
 from printer_slicer.profile import find_profile_paths, load_profile
@@ -202,3 +203,18 @@ def test_unknown_names_get_a_suggestion(kind: str, typed: str, remedy: str) -> N
 def test_names_that_no_file_can_have_are_unknown() -> None:
     with pytest.raises(ProfileError, match="unknown printer"):
         find_profile_file("printer", "a\0b")
+
+
+@pytest.mark.parametrize("configured", [None, "", "relative", "/elsewhere"])
+@pytest.mark.parametrize("home", [None, "", "relative", "/home/someone", "/home/someone/"])
+def test_without_a_named_folder_the_platforms_folder_is_used(
+    monkeypatch: pytest.MonkeyPatch, configured: str | None, home: str | None
+) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    for name, value in (("XDG_CONFIG_HOME", configured), ("HOME", home)):
+        if value is None:
+            monkeypatch.delenv(name, raising=False)
+        else:
+            monkeypatch.setenv(name, value)
+
+    assert find_user_folders() == [user_config_path("printer_slicer", appauthor=False)]
