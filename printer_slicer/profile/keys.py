@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import cache
 from typing import Any, Final
 
 from msgspec import Struct
@@ -50,14 +51,21 @@ _LONGEST_SHORT_PREFIX: Final = 2  # letters; prefixes up to this length give no 
 
 def list_section_keys(kind: str, values: Mapping[str, Any]) -> list[str]:
     """Return all keys of a section; the kind of planner in `values` determines the planner's keys."""
+    table = values.get("planner")
+    chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
+    return list(_make_section_keys(kind, str(chosen)))
+
+
+@cache  # G-code names some hundred settings, and each is looked up in these keys
+def _make_section_keys(kind: str, planner_kind: str) -> tuple[str, ...]:
+    """Return all keys of a section, with those of this planner if it is the quality."""
     inner = INNER_TABLES[kind]
     keys = [name for name in KINDS[kind].__struct_fields__ if name not in ("planner", *inner)]
     if kind == "quality":
-        table = values.get("planner")
-        chosen = table.get("kind", "optimal") if isinstance(table, dict) else "optimal"
-        planner = PLANNER_SETTINGS.get(str(chosen), OptimalPlanner)
+        planner = PLANNER_SETTINGS.get(planner_kind, OptimalPlanner)
         keys += [f"planner.{name}" for name in ("kind", *planner.__struct_fields__)]
-    return keys + [f"{table}.{name}" for table, owner in inner.items() for name in owner.__struct_fields__]
+    keys += [f"{table}.{name}" for table, owner in inner.items() for name in owner.__struct_fields__]
+    return tuple(keys)
 
 
 def is_setting(key: str) -> bool:
@@ -133,12 +141,14 @@ def resolve_key(sources: Mapping[str, SettingsSource], key: str) -> tuple[str, s
     Raises:
         ProfileError: no section has the key, or several have it.
     """
+    section, _, rest = key.partition(".")
+    if section in sources and rest in list_section_keys(section, sources[section].values):
+        return section, rest
     known = [
         (kind, path) for kind, source in sources.items() for path in list_section_keys(kind, source.values)
     ]
-    exact = [(kind, path) for kind, path in known if f"{kind}.{path}" == key]
-    matches = exact or [(kind, path) for kind, path in known if path == key]
-    if key.partition(".")[0] in INNER_TABLES["quality"]:
+    matches = [(kind, path) for kind, path in known if path == key]
+    if section in INNER_TABLES["quality"]:
         matches = [one for one in matches if one[0] == "quality"] or matches
     matches = matches or [("quality", path) for _, path in known if path == f"planner.{key}"]
     if len(matches) == 1:

@@ -158,6 +158,10 @@ def _map_keys_to_rows() -> Mapping[str, SettingRow]:
 
 def find_choices(struct: type[msgspec.Struct], path: str) -> str:
     """Return the choices of a setting, separated by commas; empty for settings without choices."""
-    rows = {re.sub(r"\[\w+\]", "", row.key): row for row in list_setting_rows(struct, "")}
-    row = rows.get(path)
-    return row.choices if row else ""
+    return _map_paths_to_choices(struct).get(path, "")
+
+
+@cache
+def _map_paths_to_choices(struct: type[msgspec.Struct]) -> Mapping[str, str]:
+    """Map the paths of settings in a section to their choices."""
+    return {re.sub(r"\[\w+\]", "", row.key): row.choices for row in list_setting_rows(struct, "")}
