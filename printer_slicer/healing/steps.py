@@ -45,4 +45,8 @@ def run_steps(mesh: Mesh) -> tuple[Mesh, Repairs]:
             remedy="Close the surface of the part in CAD, or give it a thickness",
         )
     items = tuple(item.without_facets() for item in mesh.objects)
-    return (Mesh(facets.triangles, mesh.name, items, mesh.volumes), Repairs(tuple(done))) if done else (mesh, Repairs())
+    return (
+        (Mesh(facets.triangles, mesh.name, items, mesh.volumes), Repairs(tuple(done)))
+        if done
+        else (mesh, Repairs())
+    )
