@@ -164,7 +164,7 @@ ROLES: Final = tuple(_ROWS[role] for role in Role)
 """The row of each role, by its number."""
 
 
-def roles_with(
+def roles_with(  # noqa: PLR0913 - one argument per property
     *,
     is_part: bool | None = None,
     is_infill: bool | None = None,
