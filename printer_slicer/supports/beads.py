@@ -1,6 +1,6 @@
 """The paths of supports: lines and loops of their bases, closed layers, branches and joists.
 
-Lines of a base lie over each other in all layers, because their rows have the same place on the bed. The first layer
+Lines of a base lie over each other in all layers, because each column has the same rows in all of them. The first layer
 has more rows between them. Interfaces run across these lines.
 """
 
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Float
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
     Lines,
@@ -25,13 +25,13 @@ from printer_slicer.geometry import (
 from printer_slicer.model import LayerPlan, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from printer_slicer.supports.base_rows import hatch_bases
 from printer_slicer.supports.slim_columns import find_slim_columns
 from printer_slicer.values import Struct
 
 __all__ = ["lay_support_beads"]
 
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
-_FIRST_LAYER_ROWS: Final = 2.0  # rows of the first layer for each row above
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.5  # widths; shorter lines are dropped
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
@@ -97,9 +97,8 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
         paths.append(_make_loops(layers, offset(above, -widths.line / 2), widths))
         band = difference(above, offset(above, -widths.spacing))
         inner = difference(inner, offset(band, (0.5 - _OVERLAP) * widths.line))
-    spacing = np.where(is_first, quality.support_spacing / _FIRST_LAYER_ROWS, quality.support_spacing)
-    lines = hatch(inner, angle=0.0, spacing=spacing)
-    return [*paths, _join_lines(layers, lines, area, widths, (spacing, Role.SUPPORT))]
+    lines, pieces, spacing = hatch_bases(supports, inner, quality.support_spacing)
+    return [*paths, _join_lines(layers, lines, (area, pieces.layer), widths, (spacing, Role.SUPPORT))]
 
 
 def _make_loops(layers: LayerPlan, loops: Areas, widths: _Widths) -> Toolpaths:
@@ -116,24 +115,33 @@ def _make_loops(layers: LayerPlan, loops: Areas, widths: _Widths) -> Toolpaths:
 
 
 def _join_lines(
-    layers: LayerPlan, lines: Lines, within: Areas, widths: _Widths, rows: tuple[Float, Role]
+    layers: LayerPlan, lines: Lines, within: tuple[Areas, Int], widths: _Widths, rows: tuple[Float, Role]
 ) -> Toolpaths:
-    """Return lines as zigzags of one role, which never leave the areas `within`; `rows` are their spacing and role."""
-    spacing, role = rows
-    kept = lines.take(np.flatnonzero(lines.length() >= _SHORTEST * widths.line[lines.layer]))
-    xy, start, layer = chain_rows(kept, max_turn=_LONGEST_TURN * spacing)
+    """Return lines as zigzags of one role, which never leave the areas they fill.
+
+    Args:
+        layers: of supports.
+        lines: their layer is an entry.
+        within: the areas by layer, and the layer (E,) of each entry.
+        widths: by layer.
+        rows: distance between the rows of each entry (E,), mm, and the role.
+    """
+    (area, layer_of), (spacing, role) = within, rows
+    kept = lines.take(np.flatnonzero(lines.length() >= _SHORTEST * widths.line[layer_of[lines.layer]]))
+    xy, start, entry = chain_rows(kept, max_turn=_LONGEST_TURN * spacing)
     # Zigzags are cut where the step from row to row leaves the area, as beside a thin wall between two rows.
     step = np.setdiff1d(np.arange(1, len(xy) - 1, 2), start[1:] - 1)
-    at = layer[np.searchsorted(start, step, side="right") - 1]
-    cut = step[crosses_rings(within, xy[step], xy[step + 1], at)] + 1
+    at = layer_of[entry[np.searchsorted(start, step, side="right") - 1]]
+    cut = step[crosses_rings(area, xy[step], xy[step + 1], at)] + 1
     starts = np.union1d(start, cut)
+    layer = layer_of[entry[np.searchsorted(start, starts[:-1], side="right") - 1]]
     return Toolpaths.gathered(
         layers,
         xy=xy,
         size=np.diff(starts),
-        layer=layer[np.searchsorted(start, starts[:-1], side="right") - 1],
-        role=np.full(len(starts) - 1, role),
-        width=widths.line[layer[np.searchsorted(start, starts[:-1], side="right") - 1]],
+        layer=layer,
+        role=np.full(len(layer), role),
+        width=widths.line[layer],
         closed=False,
     )
 
@@ -144,12 +152,12 @@ def _lay_closed(
     """Return the lines of closed layers; they run in the direction of each ring, or across those of the base."""
     spacing = widths.line + profile.quality.support_interface_spacing
     angles = np.where(np.isnan(ring_angle), _ACROSS, ring_angle)
-    turns = np.unique(np.round(angles, 9))
+    turns, every = np.unique(np.round(angles, 9)), np.arange(area.n_layers)
     laid = [Toolpaths.joined(layers, [_make_loops(layers, Areas.empty(area.n_layers), widths)])]
     for turn in turns:
         some = area.select(np.round(angles, 9) == turn)
         lines = hatch(offset(some, -widths.line / 2), angle=turn, spacing=spacing)
-        laid.append(_join_lines(layers, lines, some, widths, (spacing, Role.SUPPORT_INTERFACE)))
+        laid.append(_join_lines(layers, lines, (some, every), widths, (spacing, Role.SUPPORT_INTERFACE)))
     return Toolpaths.joined(layers, laid)
 
 
