@@ -31,7 +31,11 @@ def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:
 
 
 def add_adhesion(
-    paths: Sequence[Toolpaths], solid: Sections, printed: Sections, profile: Profile
+    paths: Sequence[Toolpaths],
+    solid: Sections,
+    printed: Sections,
+    profile: Profile,
+    around: Sections | None = None,
 ) -> Toolpaths:
     """Join the paths of all objects, lifted onto the raft, with skirt, brim and raft.
 
@@ -40,10 +44,14 @@ def add_adhesion(
         solid: their sections.
         printed: the sections on the raft; the same without a raft.
         profile: settings of skirt, brim and raft.
+        around: what skirt and brim surround, if it is more than the printed sections.
 
     Raises:
         PartError: the brim leaves the bed.
     """
     lift = float(printed.plan.top[-1] - solid.plan.top[-1])
-    lifted = [adhesion_paths(printed, profile), *(some.on_plan(printed.plan, lift) for some in paths)]
+    lifted = [
+        adhesion_paths(around or printed, profile),
+        *(some.on_plan(printed.plan, lift) for some in paths),
+    ]
     return Toolpaths.joined(printed.plan, lifted)
