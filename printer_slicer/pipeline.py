@@ -181,19 +181,8 @@ def slice_planned(
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan)
-    return Stages(
-        part,
-        solid,
-        walls,
-        regions,
-        toolpaths,
-        travels,
-        program,
-        link,
-        labels,
-        overhangs=overhangs,
-        supports=supports,
-    )
+    made = part, solid, walls, regions, toolpaths, travels, program, link, labels
+    return Stages(*made, overhangs=overhangs, supports=supports)
 
 
 def _stand_on_raft(
@@ -226,7 +215,7 @@ def _make_paths(
     sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
     overhangs = _find_overhangs(part, sections, regions, own)
-    supports, support_paths = _make_supports(overhangs, sections, own, report)
+    supports, support_paths = _make_supports(overhangs, sections, regions, own, report)
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
@@ -245,9 +234,13 @@ def _make_paths(
 
 
 def _make_supports(
-    overhangs: Sequence[Overhangs], sections: Sequence[Sections], own: Sequence[Profile], report: Report
+    overhangs: Sequence[Overhangs],
+    sections: Sequence[Sections],
+    regions: list[Regions],
+    own: Sequence[Profile],
+    report: Report,
 ) -> tuple[Supports | None, list[Toolpaths]]:
-    """Return the supports of all objects that have them, and their paths.
+    """Return the supports of all objects that have them, and their paths; change `regions` that lie on supports.
 
     They avoid all objects. If objects have different settings of supports, those of the first one apply.
     """
@@ -258,11 +251,16 @@ def _make_supports(
     ]
     if not which or not any(overhangs[index].area.n_rings for index in which):
         return None, []
+    from printer_slicer.supports.carried_bridges import replace_carried_bridges  # noqa: PLC0415
     from printer_slicer.supports.styles import make_supports  # noqa: PLC0415 - most parts have no supports
 
     report("supports")
     found = Overhangs.joined([overhangs[index] for index in which])
     supports, paths = make_supports(found, stack_sections(sections), own[which[0]])
+    for index in which:
+        hanging = overhangs[index]
+        carrier = supports.plan.carrier[found.plan.find_tops(hanging.plan.top)]
+        regions[index] = replace_carried_bridges(regions[index], hanging.area.of_layers(carrier >= 0))
     return supports, [paths] if paths.n_paths else []
 
 

@@ -48,9 +48,10 @@ def _group_layers(program: Program) -> Int:
     """Return for each layer (L,) the layer with which it cools: itself, or the one before layers of supports alone."""
     n_layers = program.plan.n_layers
     carries = roles_with(is_support=True)[program.role]
-    has_supports = np.bincount(program.layer[carries], minlength=n_layers) > 0
-    has_others = np.bincount(program.layer[(program.role != Role.TRAVEL) & ~carries], minlength=n_layers) > 0
-    return np.asarray(np.maximum.accumulate(np.where(has_supports & ~has_others, 0, np.arange(n_layers))))
+    others = (program.role != Role.TRAVEL) & ~carries
+    supports, rest = (np.bincount(program.layer[some], minlength=n_layers) for some in (carries, others))
+    alone = (supports > 0) & (rest == 0)
+    return np.asarray(np.maximum.accumulate(np.where(alone, 0, np.arange(n_layers))))
 
 
 def _slow_down(
@@ -89,9 +90,8 @@ def _slow_down(
 def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list[Event]:
     """Return fan changes: faster on short layers, ramped up over height, full on bridges, in between on overhangs.
 
-    Support interfaces have a fan speed of their own.
-
-    `support_ratio` (K,) is the fraction of each extrusion's width that rests on the layer below.
+    Support interfaces have a fan speed of their own. `support_ratio` (K,) is the fraction of each extrusion's width
+    that rests on the layer below.
     """
     material, plan = profile.material, program.plan
     group = _group_layers(program)
@@ -115,8 +115,7 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     )
     toward = np.where(ramp[program.layer] > 0, toward, 0.0)
     ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
-    is_interface = np.arange(len(ROLES)) == Role.SUPPORT_INTERFACE
-    on_interface = _is_next_extrusion_selected(program.role, is_interface[program.role])
+    on_interface = _is_next_extrusion_selected(program.role, program.role == Role.SUPPORT_INTERFACE)
     ratio = np.where(on_interface & (ramp[program.layer] > 0), material.support_fan, ratio)
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)

@@ -25,9 +25,9 @@ from printer_slicer.supports.interfaces import divide_columns
 from printer_slicer.supports.levels import list_places_without_room
 from printer_slicer.values import Struct
 
-__all__ = ["lay_columns"]
+__all__ = ["find_contacts", "lay_columns"]
 
-_CONTACT_GROWTH: Final = 0.2  # mm by which contacts reach beyond what hangs
+_CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
 _ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, but its support must not be one
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _SLIVER: Final = 0.15  # mm; strips narrower than twice this are dropped
@@ -57,7 +57,9 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
     gaps = quality.support_bottom_gap, _find_gaps_above(plan, quality.support_gap)
     xy_gap = quality.support_xy_gap
     blocked = find_blocked_areas(sections, layers, xy_gap, gaps, min(_NEAR_GAP, xy_gap))
-    wanted = find_contacts(overhangs, plan, blocked, quality.support_closing)
+    # Below a slope, the gap beside the layer before takes much of each strip.
+    growth = float(np.clip(xy_gap, *_CONTACT_GROWTHS))
+    wanted = find_contacts(overhangs, plan, blocked, growth, quality.support_closing)
     contacts = _clip_to_bed(wanted, profile)
     bare += _list_lost(wanted, contacts, layers, _OUTSIDE_BED)
     columns = _drop_columns(contacts, blocked, layers)
@@ -73,10 +75,12 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
     return Supports(plan, base, interface, floor, joists=none, hollow=none, bare=bare)
 
 
-def find_contacts(overhangs: Overhangs, plan: SupportPlan, blocked: Areas, closing: float) -> Areas:
+def find_contacts(
+    overhangs: Overhangs, plan: SupportPlan, blocked: Areas, growth: float, closing: float
+) -> Areas:
     """Return the areas by support layer under what hangs, as far as supports may be there.
 
-    They reach a little beyond what hangs. Gaps within a patch that are narrower than twice `closing` are closed.
+    They reach `growth` mm beyond what hangs. Gaps within a patch that are narrower than twice `closing` are closed.
     """
     n_layers, area = plan.layers.n_layers, overhangs.area
     carrier = plan.carrier[area.ring_layer]
@@ -85,7 +89,7 @@ def find_contacts(overhangs: Overhangs, plan: SupportPlan, blocked: Areas, closi
     rings = rings[key[rings] >= 0]
     keys = distinct(key[rings])
     entries = normalize(area.restacked(rings, np.searchsorted(keys, key[rings]), len(keys)))
-    grown = offset(offset(entries, _CONTACT_GROWTH + closing), -closing) if len(keys) else entries
+    grown = offset(offset(entries, growth + closing), -closing) if len(keys) else entries
     contacts = normalize(grown.on_layers(keys // max(overhangs.n_patches, 1), n_layers))
     own = plan.carrier[overhangs.islands.ring_layer]
     order = np.argsort(own, kind="stable")

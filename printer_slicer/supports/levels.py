@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, distinct
-from printer_slicer.bridges import strand_diameter
 from printer_slicer.geometry import split_connected
 from printer_slicer.model import Bare, LayerPlan, Overhangs, SupportPlan
 from printer_slicer.profile import Profile
@@ -68,18 +67,17 @@ def plan_support_layers(overhangs: Overhangs, profile: Profile) -> SupportPlan:
     part, gap = overhangs.plan, profile.quality.support_gap
     contacts = _find_contacts(overhangs, profile)
     carrier, gaps = np.full(part.n_layers, -1), np.full(part.n_layers, np.nan)
-    lower = _find_lower_sides(overhangs, profile)
     if not len(contacts.layer):
         return SupportPlan(LayerPlan.from_tops(np.zeros(0), "supports"), carrier, gaps)
     first = float(part.top[0])
     top = _choose_tops(contacts, part, first, profile)
     found = np.searchsorted(top, contacts.wanted + _SAME) - 1
-    on_first = (found < 0) & (lower[contacts.layer] - first >= _SMALLEST_GAP * gap - _SAME)
+    on_first = (found < 0) & (part.bottom[contacts.layer] - first >= _SMALLEST_GAP * gap - _SAME)
     found[on_first] = 0
     layers = LayerPlan.from_tops(top[: found.max() + 1], "supports")
     carrier[contacts.layer] = found
     some = contacts.layer[found >= 0]
-    gaps[some] = lower[some] - top[carrier[some]]
+    gaps[some] = part.bottom[some] - top[carrier[some]]
     return SupportPlan(layers, carrier, gaps)
 
 
@@ -96,21 +94,11 @@ def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[B
     )
 
 
-def _find_lower_sides(overhangs: Overhangs, profile: Profile) -> Float:
-    """Return the lowest z (L,) of the extrusions of each layer of the part; lines of thick bridges reach below it."""
-    plan = overhangs.plan
-    if not profile.quality.thick_bridges:
-        return plan.bottom
-    return np.where(
-        overhangs.is_flat, np.minimum(plan.bottom, plan.top - strand_diameter(profile)), plan.bottom
-    )
-
-
 def _find_contacts(overhangs: Overhangs, profile: Profile) -> _Contacts:
     """Return what supports must reach."""
     quality, area = profile.quality, overhangs.area.area()
     layer = np.flatnonzero(overhangs.area.used)
-    wanted = (_find_lower_sides(overhangs, profile) - quality.support_gap)[layer]
+    wanted = overhangs.plan.bottom[layer] - quality.support_gap
     slack = np.where(overhangs.is_flat[layer], 0.0, quality.support_gap_slack)
     return _Contacts(layer, np.round(wanted, 7), slack, area[layer])
 
