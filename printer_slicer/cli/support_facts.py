@@ -8,8 +8,8 @@ import numpy as np
 
 from printer_slicer.arrays import Bool
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.geometry import difference
-from printer_slicer.model import Bare, Program, Supports
+from printer_slicer.geometry import Areas, difference, intersection
+from printer_slicer.model import Bare, Program, Sections, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
@@ -18,6 +18,7 @@ from printer_slicer.texts import format_count, format_duration, format_significa
 __all__ = ["collect_support_facts", "format_support_sentences"]
 
 _MOST_PLACES: Final = 3  # places without support that are listed
+_LANDING_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
 
 
 def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
@@ -36,14 +37,13 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
     filament = float(program.filament[carries & (program.role != Role.TRAVEL)].sum())
     volume = filament * np.pi / 4 * profile.material.filament_diameter**2
     area = supports.area
-    above_bed = area.of_layers(np.arange(1, area.n_layers))
     return {
         "style": "tree" if len(supports.branches) else "columns",
         "layers": supports.plan.layers.n_layers,
         "filament_g": round(volume / 1000 * profile.material.density, 3),
         "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
         "on_bed_mm2": round(float(area.area()[:1].sum()), 3),
-        "on_part_mm2": round(float(difference(above_bed, area.shift_layers(1)).area().sum()), 3),
+        "on_part_mm2": round(_measure_landings(supports, area, stages.sections), 3),
         "largest_gap_error_mm": round(_measure_gap_error(stages, supports, profile), 6),
         "bare_mm2": round(sum(place.area for place in supports.bare), 3),
         "bare_islands": sum(place.is_island for place in supports.bare),
@@ -57,6 +57,13 @@ def _mark_supports(program: Program) -> Bool:
     is_bead = program.role != Role.TRAVEL
     following = np.minimum.accumulate(np.where(is_bead, np.arange(len(is_bead)), len(is_bead))[::-1])[::-1]
     return np.asarray(np.append(carries, False)[following])
+
+
+def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:
+    """Return the area of supports that stand on the part, mm²."""
+    below = np.searchsorted(part.plan.top, supports.plan.layers.bottom - _LANDING_DEPTH)
+    begins = difference(area.of_layers(np.arange(1, area.n_layers)), area.shift_layers(1))
+    return float(intersection(begins, part.solid.copy_layers(below)).area().sum())
 
 
 def _measure_gap_error(stages: Stages, supports: Supports, profile: Profile) -> float:

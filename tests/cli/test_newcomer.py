@@ -63,7 +63,7 @@ SLICES = [
     ("--supports none", "; quality.support = off"),
     ("--supports", "; quality.support = auto"),
     ("--supports Tree", "; quality.support = tree"),
-    ("--set support_material=1", "; quality.support = columns"),
+    ("--set support_material=1", "; quality.support = auto"),
     # PrusaSlicer
     ("--set layer_height=0.2", "; quality.layer_height = 0.2"),
     ("--set fill_density=20%", "; quality.infill_density = 0.2"),
@@ -210,7 +210,7 @@ SUGGESTS = [
     ("slice {part} --temperature 210", "--set nozzle_temperature=DEGREES"),
     ("slice {part} --nozzle-diameter 0.6", "--set nozzle_diameter=MM"),
     ("slice {part} --retract-length 2", "--set retract_length=VALUE"),
-    ("slice {part} --supports everywhere", "off, auto, columns, tree"),
+    ("slice {part} --supports everywhere", "auto, columns, off, tree"),
     ("slice {part} --set supports=1", "--set support=auto"),
     ("slice {part} --set fan_speed=50", "--set fan_ratio=50%"),
     ("slice {part} --set nozzle_temp=210", "--set nozzle_temperature=210"),
