@@ -19,7 +19,9 @@ from printer_slicer.geometry import (
     crosses_rings,
     difference,
     hatch,
+    intersection,
     offset,
+    offset_open,
     split_connected,
 )
 from printer_slicer.model import LayerPlan, Supports, Toolpaths
@@ -34,6 +36,7 @@ __all__ = ["lay_support_beads"]
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.5  # widths; shorter lines are dropped
+_LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
 _THICK_BRANCH: Final = 1.5  # mm, radius from which a branch has a second loop
 
@@ -97,6 +100,9 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
         paths.append(_make_loops(layers, offset(above, -widths.line / 2), widths))
         band = difference(above, offset(above, -widths.spacing))
         inner = difference(inner, offset(band, (0.5 - _OVERLAP) * widths.line))
+        # Between two loops that are near each other, there is no room for lines.
+        inside = offset_open(intersection(inner, above), _LEAST_ROOM / 2)
+        inner = difference(inner, above).merge(inside)
     lines, pieces, spacing = hatch_bases(supports, inner, quality.support_spacing)
     return [*paths, _join_lines(layers, lines, (area, pieces.layer), widths, (spacing, Role.SUPPORT))]
 
