@@ -15,6 +15,7 @@ from printer_slicer.geometry import (
     normalize,
     offset,
     offset_open,
+    simplify,
     split_connected,
     union,
 )
@@ -30,6 +31,8 @@ __all__ = ["find_contacts", "lay_columns"]
 _CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
 _ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, but its support must not be one
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
+_SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed where a contact is added
+_RESOLUTION: Final = 0.05  # mm of outlines
 _SLIVER: Final = 0.15  # mm; strips narrower than twice this are dropped
 _SLIMMEST: Final = 10.0  # height by width of a column that need not become wider
 _WIDE: Final = 5.0  # mm; wider columns need not become wider
@@ -141,7 +144,9 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
         at = np.array([layer])
         changed = used[layer] or (layer + 1 < n_layers and own[layer] != own[layer + 1])
         if used[layer]:
-            column.area = union(column.area, contacts.copy_layers(at))
+            # Outlines of many strips below a slope would be jagged.
+            area = union(column.area, contacts.copy_layers(at))
+            column.area = simplify(offset(offset(area, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
         wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
         if changed or wider:
             column.area = offset_open(difference(column.area, blocked.copy_layers(at)), _SLIVER)

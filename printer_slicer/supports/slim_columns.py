@@ -7,12 +7,14 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, intersection, normalize, offset, split_connected, union
+from printer_slicer.geometry import Areas, intersection, normalize, offset, simplify, split_connected, union
 from printer_slicer.model import Supports
 
 __all__ = ["find_slim_columns"]
 
 _SLIM_RATIO: Final = 2.0  # row spacings; wider columns have enough lines
+_SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed
+_RESOLUTION: Final = 0.05  # mm of outlines
 _SLIM_HEIGHT: Final = 2.0  # mm; a strip at the top of a wider column is not a slim column
 
 
@@ -46,7 +48,9 @@ def _follow_down(begins: Areas, columns: Areas, first: Int) -> Areas:
     for layer in range(n_layers - 1, -1, -1):
         at, above = np.array([layer]), min(layer + 1, n_layers - 1)
         if used[layer] and (layer == above or same[layer] != same[above]):
-            area = union(area, begins.copy_layers(at))
+            both = union(area, begins.copy_layers(at))
+            area = simplify(offset(offset(both, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
+            area = intersection(area, columns.copy_layers(at))
         if area.n_rings and first[layer] != first[above]:
             area = intersection(area, columns.copy_layers(at))
         result.append(area.on_layers(at, n_layers))
