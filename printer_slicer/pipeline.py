@@ -30,7 +30,13 @@ from printer_slicer.model import (
     Volumes,
     Walls,
 )
-from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
+from printer_slicer.objects import (
+    cut_objects,
+    fill_layers,
+    make_object_paths,
+    split_objects,
+    stack_sections,
+)
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
@@ -181,8 +187,8 @@ def slice_planned(
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan)
-    made = part, solid, walls, regions, toolpaths, travels, program, link, labels
-    return Stages(*made, overhangs=overhangs, supports=supports)
+    made_later = toolpaths, travels, program, link, labels
+    return Stages(part, solid, walls, regions, *made_later, overhangs=overhangs, supports=supports)
 
 
 def _stand_on_raft(
@@ -256,7 +262,7 @@ def _make_supports(
 
     report("supports")
     found = Overhangs.joined([overhangs[index] for index in which])
-    supports, paths = make_supports(found, stack_sections(sections), own[which[0]])
+    supports, paths = make_supports(found, fill_layers(sections), own[which[0]])
     for index in which:
         hanging = overhangs[index]
         carrier = supports.plan.carrier[found.plan.find_tops(hanging.plan.top)]

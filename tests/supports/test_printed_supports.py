@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.gcode import write_gcode
-from printer_slicer.geometry import difference, offset
+from printer_slicer.geometry import Areas, difference, intersection, offset
 from printer_slicer.model import Mesh, Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.placing import join
@@ -17,7 +17,7 @@ from printer_slicer.profile.overrides import Override
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
 from printer_slicer.values import replace
-from tests.parts import box
+from tests.parts import box, layers
 from tests.supports.shapes import hook, round_body, tee
 
 PARTS = {"tee": tee, "hook": hook}
@@ -29,6 +29,12 @@ def sliced(name: str, **changes: object) -> Stages:
     return slice_stages(
         PARTS[name](), load_profile(quality="standard", changes={"support": "columns", **changes})
     )
+
+
+def square(side: float, more: float) -> np.ndarray:
+    """A ring from the origin, larger at all sides."""
+    a, b = -more, side + more
+    return np.array([(a, a), (b, a), (b, b), (a, b)])
 
 
 def is_support(program: Program) -> np.ndarray:
@@ -136,6 +142,33 @@ def test_objects_without_supports_get_none_and_are_in_no_way_of_others() -> None
     first = supports.area.copy_layers(np.zeros(1, np.int64))
     near = offset(stages.sections.solid.copy_layers(np.zeros(1, np.int64)), 0.3)
     assert difference(first, near).area() == pytest.approx(first.area(), abs=1e-3)
+
+
+def test_supports_keep_their_distance_from_objects_with_other_layers() -> None:
+    thick = box((8.0, 8.0, 9.0)).moved((16.0, -4.0, 0.0))
+    changes = {"support": "columns", "support_gap": 0.0, "support_layer_max": 0.1}
+    plans = [layers(140, 0.1), layers(30, 0.3)]
+    stages = slice_stages(
+        join([tee(height=10.0), thick]), load_profile(quality="standard", changes=changes), plan=plans
+    )
+    supports = stages.supports
+    assert supports is not None
+
+    low = supports.plan.layers.top < 8.9
+    corner = np.add(stages.part.bounds.mean(axis=0)[:2], (16.0, -4.0))
+    around = Areas.from_rings([[corner + square(8.0, 0.3)]] * int(low.sum()))
+    assert intersection(supports.area.copy_layers(np.flatnonzero(low)), around).area().max() < 1e-3
+
+
+def test_supports_are_labelled_as_the_object_that_they_carry() -> None:
+    pair = join([tee(height=10.0), Mesh(tee(height=10.0).triangles, "other").moved((0.0, 40.0, 0.0))])
+    stages = slice_stages(pair, load_profile(quality="standard", changes={"support": "columns"}))
+    labels, program = stages.labels, stages.program
+    assert labels is not None
+
+    own = labels.object_id[is_support(program)]
+    is_far = program.xyz[is_support(program), 1] > stages.part.bounds.mean(axis=0)[1]
+    assert own.tolist() == is_far.astype(int).tolist()
 
 
 def test_layers_of_supports_alone_are_not_slowed_down_for_cooling() -> None:
