@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from printer_slicer.adhesion.brim import brim_paths
 from printer_slicer.adhesion.raft import place_on_raft, raft_paths
 from printer_slicer.adhesion.skirt import skirt_paths
@@ -50,8 +52,11 @@ def add_adhesion(
         PartError: the brim leaves the bed.
     """
     lift = float(printed.plan.top[-1] - solid.plan.top[-1])
-    lifted = [
-        adhesion_paths(around or printed, profile),
-        *(some.on_plan(printed.plan, lift) for some in paths),
-    ]
+    beside = adhesion_paths(around or printed, profile)
+    if (
+        around is not None
+    ):  # a draft shield has the layers of the part, not also those of supports between them
+        own = np.isin(beside.layer, printed.plan.find_tops(solid.plan.top + lift))
+        beside = beside.take(np.flatnonzero(own | (beside.z_top <= lift)))  # the latter has a raft
+    lifted = [beside, *(some.on_plan(printed.plan, lift) for some in paths)]
     return Toolpaths.joined(printed.plan, lifted)

@@ -115,6 +115,13 @@ def test_skirt_and_brim_surround_supports() -> None:
         assert (high > first.xy.max(axis=0)).all()
 
 
+def test_a_draft_shield_has_the_layers_of_the_part() -> None:
+    both = [sliced("tee", support=style, skirt_loops=1, skirt_height=10.0) for style in ("off", "columns")]
+    plain, held = (one.program.xyz[one.program.role == Role.SKIRT, 2] for one in both)
+
+    assert np.unique(plain) == pytest.approx(np.unique(held))
+
+
 def test_a_raft_carries_supports() -> None:
     stages = sliced("tee", raft_height=1.0, raft_gap=0.15)
     program, supports = stages.program, stages.supports
