@@ -11,6 +11,7 @@ from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
     Lines,
+    difference,
     find_enclosing_rings,
     hatch,
     normalize,
@@ -51,9 +52,12 @@ def hatch_bases(supports: Supports, inner: Areas, spacing: float) -> tuple[Lines
 
 def _find_groups(supports: Supports, pieces: ConnectedAreas) -> tuple[Int, Float, Float]:
     """Return the group of columns (P,) of each piece, and the lowest and the highest y of each group (G,), mm."""
-    columns = supports.base.merge(supports.interface).merge(supports.floor)
+    if supports.hollow.n_rings:  # of trees, only feet have lines
+        columns = difference(supports.base, supports.hollow)
+    else:
+        columns = supports.base.merge(supports.interface).merge(supports.floor)
     chosen = columns.of_layers(distinct(columns.find_first_equal_layers()))
-    seen = offset(normalize(chosen.on_layers(np.zeros(columns.n_layers, np.int64), 1)), _SEAM)
+    seen = offset(_unite_layers(chosen), _SEAM)
     groups = split_connected(seen)
     owner = _find_owners(chosen, seen, groups)
     low, high = (np.full((2, groups.count), end) for end in (np.inf, -np.inf))
@@ -70,6 +74,16 @@ def _find_groups(supports: Supports, pieces: ConnectedAreas) -> tuple[Int, Float
         np.where(has_more, low[0], low[1]),
         np.where(has_more, high[0], high[1]),
     )
+
+
+def _unite_layers(areas: Areas) -> Areas:
+    """Return the union of all layers as a stack of one layer."""
+    used = distinct(areas.ring_layer)
+    areas = areas.copy_layers(used)
+    while areas.n_layers > 1:  # in pairs, so that few rings overlap in each step
+        half = np.arange(areas.n_layers) // 2
+        areas = normalize(areas.on_layers(half, int(half[-1]) + 1))
+    return areas if areas.n_layers else Areas.empty(1)
 
 
 def _find_owners(areas: Areas, seen: Areas, groups: ConnectedAreas) -> Int:
