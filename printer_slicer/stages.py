@@ -83,7 +83,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
         link: changes made to stay within the throughput of the serial link, if the profile sets one.
         labels: the object of each move; None if the part is a single object.
         repairs: repairs of the mesh, in coordinates of the given mesh.
-        overhangs: the areas that need supports, whether or not supports are printed; None while layers are planned.
+        overhangs: the areas that need supports, whether or not supports are printed; None if not searched for.
         shift: (3,) vector from the placed part to the mesh as it was given, mm.
     """
 
