@@ -1,4 +1,4 @@
-"""Find the object that each extrusion belongs to, from its position.
+"""Find the object that each extrusion belongs to, from its position; supports belong to the nearest object.
 
 Most objects stand apart, so only one bounding box contains an extrusion. Where several do, as for a ring around a
 cube, the section of each object at this height is tested (winding number). Objects that overlap are printed as one
@@ -29,16 +29,17 @@ def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
     Args:
         program: the moves.
         part: the part, with its objects.
-        plan: the layers of the part; the program may have raft layers below them.
+        plan: the layers of the part; the program may have raft layers below them, and layers of supports between.
     """
     items = part.objects
     if len(items) < 2:
         return None
-    lays = roles_with(is_part=True)[program.role]
+    lays = (roles_with(is_part=True) | roles_with(is_support=True))[program.role]
     begins = lays & ~(np.append(False, lays[:-1]) & (np.diff(program.layer, prepend=-1) == 0))
     first = np.flatnonzero(begins)
     middle = (program.start[first, :2] + program.xyz[first, :2]) / 2
-    layer = np.maximum(program.layer[first] - (program.plan.n_layers - plan.n_layers), 0)
+    lift = float(program.plan.top[-1] - plan.top[-1])
+    layer = np.minimum(plan.find_tops(program.plan.top[program.layer[first]] - lift), plan.n_layers - 1)
     found = _find_objects(middle, plan.cut[layer], items, part)
     item = np.full(program.n_moves, -1)
     item[lays] = found[np.cumsum(begins)[lays] - 1]

@@ -21,7 +21,7 @@ from printer_slicer.slicing import cut
 from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
 
-__all__ = ["cut_objects", "make_object_paths", "split_objects", "stack_sections"]
+__all__ = ["cut_objects", "fill_layers", "make_object_paths", "split_objects", "stack_sections"]
 
 
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
@@ -174,6 +174,23 @@ def stack_sections(sections: Sequence[Sections]) -> Sections:
         tuple(gaps),
         Areas.merged(turned) if turned else None,
     )
+
+
+def fill_layers(sections: Sequence[Sections]) -> Sections:
+    """Combine the sections of all objects so that each layer has what is solid between its top and the one below.
+
+    In contrast to `stack_sections`, layers do not overlap, and a thick layer of one object appears in all layers that
+    another object has at its height.
+    """
+    plan = LayerPlan.union([one.plan for one in sections])
+    if all(one.plan.n_layers == plan.n_layers for one in sections):
+        return stack_sections(sections)
+    solid = Areas.empty(plan.n_layers)
+    for one in sections:
+        layer = one.plan.find_tops(plan.top)
+        within = np.flatnonzero(layer < one.plan.n_layers)
+        solid = union(solid, one.solid.copy_layers(layer[within]).on_layers(within, plan.n_layers))
+    return Sections(LayerPlan.from_tops(plan.top), solid)
 
 
 def make_object_paths(

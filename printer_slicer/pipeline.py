@@ -25,11 +25,18 @@ from printer_slicer.model import (
     Program,
     Regions,
     Sections,
+    Supports,
     Toolpaths,
     Volumes,
     Walls,
 )
-from printer_slicer.objects import cut_objects, make_object_paths, split_objects, stack_sections
+from printer_slicer.objects import (
+    cut_objects,
+    fill_layers,
+    make_object_paths,
+    split_objects,
+    stack_sections,
+)
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
@@ -157,10 +164,9 @@ def slice_planned(
     """
     profile = apply_spiral_settings(profile)
     made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep)
-    solid, walls, regions, overhangs = made
+    solid, walls, regions, overhangs, supports = made
     report("ordering")
-    printed = place_on_raft(solid, profile)
-    paths[:] = [add_adhesion(paths, solid, printed, profile)]
+    printed = _stand_on_raft(paths, (solid, supports), profile)
     toolpaths = order(paths.pop(), printed, profile)
     if profile.quality.arc_tolerance:
         from printer_slicer.curves import fit_arcs  # noqa: PLC0415 - few profiles allow arcs
@@ -181,7 +187,25 @@ def slice_planned(
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan)
-    return Stages(part, solid, walls, regions, toolpaths, travels, program, link, labels, overhangs=overhangs)
+    made_later = toolpaths, travels, program, link, labels
+    return Stages(part, solid, walls, regions, *made_later, overhangs=overhangs, supports=supports)
+
+
+def _stand_on_raft(
+    paths: list[Toolpaths], made: tuple[Sections, Supports | None], profile: Profile
+) -> Sections:
+    """Join all paths with those of skirt, brim and raft, in place, and return the sections on all printed layers."""
+    solid, supports = made
+    if supports is None:
+        printed = place_on_raft(solid, profile)
+        paths[:] = [add_adhesion(paths, solid, printed, profile)]
+        return printed
+    from printer_slicer.supports.stacking import add_support_areas, add_support_layers  # noqa: PLC0415
+
+    printed = place_on_raft(add_support_layers(solid, supports), profile, supports.area)
+    around = add_support_areas(printed, supports, float(printed.plan.top[-1] - solid.plan.top[-1]))
+    paths[:] = [add_adhesion(paths, solid, printed, profile, around)]
+    return printed
 
 
 def _make_paths(
@@ -192,11 +216,12 @@ def _make_paths(
     strategies: Strategies,
     *,
     keep: bool,
-) -> tuple[tuple[Sections, Walls, Regions, Overhangs], list[Toolpaths], list[Profile]]:
+) -> tuple[tuple[Sections, Walls, Regions, Overhangs, Supports | None], list[Toolpaths], list[Profile]]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
     overhangs = _find_overhangs(part, sections, regions, own)
+    supports, support_paths = _make_supports(overhangs, sections, regions, own, report)
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
@@ -204,8 +229,45 @@ def _make_paths(
     if not keep:
         walls = [one.without_paths() for one in walls]
         regions = [one.of_layers(np.zeros(one.plan.n_layers, np.bool_)) for one in regions]
-    made = stack_sections(sections), Walls.joined(walls), Regions.joined(regions), overhangs
-    return made, paths, profiles
+    made = (
+        stack_sections(sections),
+        Walls.joined(walls),
+        Regions.joined(regions),
+        Overhangs.joined(overhangs),
+        supports,
+    )
+    return made, [*paths, *support_paths], profiles
+
+
+def _make_supports(
+    overhangs: Sequence[Overhangs],
+    sections: Sequence[Sections],
+    regions: list[Regions],
+    own: Sequence[Profile],
+    report: Report,
+) -> tuple[Supports | None, list[Toolpaths]]:
+    """Return the supports of all objects that have them, and their paths; change `regions` that lie on supports.
+
+    They avoid all objects. If objects have different settings of supports, those of the first one apply.
+    """
+    which = [
+        index
+        for index, profile in enumerate(own)
+        if profile.quality.support != "off" and not profile.quality.spiral
+    ]
+    if not which or not any(overhangs[index].area.n_rings for index in which):
+        return None, []
+    from printer_slicer.supports.carried_bridges import replace_carried_bridges  # noqa: PLC0415
+    from printer_slicer.supports.styles import make_supports  # noqa: PLC0415 - most parts have no supports
+
+    report("supports")
+    found = Overhangs.joined([overhangs[index] for index in which])
+    supports, paths = make_supports(found, fill_layers(sections), own[which[0]])
+    for index in which:
+        hanging = overhangs[index]
+        carrier = supports.plan.carrier[found.plan.find_tops(hanging.plan.top)]
+        regions[index] = replace_carried_bridges(regions[index], hanging.area.of_layers(carrier >= 0))
+    return supports, [paths] if paths.n_paths else []
 
 
 def _cut(
@@ -255,7 +317,7 @@ def overhangs(
     plan = plan_part(part, profile) if plan is None else plan
     sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
-    return _find_overhangs(part, sections, regions, own, always_steer=True)
+    return Overhangs.joined(_find_overhangs(part, sections, regions, own, always_steer=True))
 
 
 def _find_overhangs(
@@ -265,8 +327,8 @@ def _find_overhangs(
     own: Sequence[Profile],
     *,
     always_steer: bool = False,
-) -> Overhangs:
-    """Return what hangs in all objects; volumes of the part apply to objects with supports, or to all objects."""
+) -> list[Overhangs]:
+    """Return what hangs in each object; volumes of the part apply to objects with supports, or to all objects."""
     found = []
     for solid, area, profile in zip(sections, regions, own, strict=True):
         overhangs = find_overhangs(solid, area, profile)
@@ -275,7 +337,7 @@ def _find_overhangs(
 
             overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), profile.quality)
         found.append(overhangs)
-    return Overhangs.joined(found)
+    return found
 
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)

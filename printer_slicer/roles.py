@@ -33,16 +33,18 @@ class Role(IntEnum, metaclass=RenamedMembers):
     SKIRT = 1
     BRIM = 2
     RAFT = 3
-    PERIMETER = 4
-    EXTERNAL_PERIMETER = 5
-    OVERHANG_PERIMETER = 6
-    BRIDGE = 7
-    BOTTOM_SOLID_INFILL = 8
-    INTERNAL_INFILL = 9
-    INTERNAL_BRIDGE = 10
-    SOLID_INFILL = 11
-    TOP_SOLID_INFILL = 12
-    IRONING = 13
+    SUPPORT = 4
+    SUPPORT_INTERFACE = 5
+    PERIMETER = 6
+    EXTERNAL_PERIMETER = 7
+    OVERHANG_PERIMETER = 8
+    BRIDGE = 9
+    BOTTOM_SOLID_INFILL = 10
+    INTERNAL_INFILL = 11
+    INTERNAL_BRIDGE = 12
+    SOLID_INFILL = 13
+    TOP_SOLID_INFILL = 14
+    IRONING = 15
 
 
 class Phase(Enum):
@@ -72,6 +74,7 @@ class RoleRow(Struct, frozen=True):
         is_top: whether it is visible from above.
         is_around: whether it surrounds or lies beside all objects, and so belongs to no island; for a raft this holds
             only for closed paths.
+        is_support: whether it carries what hangs.
     """
 
     type_comment: str
@@ -85,6 +88,7 @@ class RoleRow(Struct, frozen=True):
     is_bridge: bool = False
     is_top: bool = False
     is_around: bool = False
+    is_support: bool = False
 
 
 _ROWS: Final = {
@@ -97,6 +101,28 @@ _ROWS: Final = {
     ),
     Role.RAFT: RoleRow(
         "Support material", Phase.BASE, "raft", "default", 0, "#b0a080", is_part=False, is_around=True
+    ),
+    Role.SUPPORT: RoleRow(
+        "Support material",
+        Phase.BASE,
+        "support",
+        "default",
+        0,
+        "#cc79a7",
+        is_part=False,
+        is_around=True,
+        is_support=True,
+    ),
+    Role.SUPPORT_INTERFACE: RoleRow(
+        "Support material interface",
+        Phase.BASE,
+        "support_interface",
+        "default",
+        1,
+        "#8a4a70",
+        is_part=False,
+        is_around=True,
+        is_support=True,
     ),
     Role.PERIMETER: RoleRow("Perimeter", Phase.PERIMETERS, "perimeter", "perimeter", 0, "#f0d000"),
     Role.EXTERNAL_PERIMETER: RoleRow(
@@ -138,13 +164,14 @@ ROLES: Final = tuple(_ROWS[role] for role in Role)
 """The row of each role, by its number."""
 
 
-def roles_with(
+def roles_with(  # noqa: PLR0913 - one argument per property
     *,
     is_part: bool | None = None,
     is_infill: bool | None = None,
     is_bridge: bool | None = None,
     is_top: bool | None = None,
     is_around: bool | None = None,
+    is_support: bool | None = None,
     phase: Phase | None = None,
 ) -> Bool:
     """Return a mask (roles,) of the roles that have the given properties; index it with role numbers (n,)."""
@@ -154,6 +181,7 @@ def roles_with(
         "is_bridge": is_bridge,
         "is_top": is_top,
         "is_around": is_around,
+        "is_support": is_support,
         "phase": phase,
     }
     wanted = {name: value for name, value in asked.items() if value is not None}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from printer_slicer.adhesion.brim import brim_paths
 from printer_slicer.adhesion.raft import place_on_raft, raft_paths
 from printer_slicer.adhesion.skirt import skirt_paths
@@ -31,7 +33,11 @@ def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:
 
 
 def add_adhesion(
-    paths: Sequence[Toolpaths], solid: Sections, printed: Sections, profile: Profile
+    paths: Sequence[Toolpaths],
+    solid: Sections,
+    printed: Sections,
+    profile: Profile,
+    around: Sections | None = None,
 ) -> Toolpaths:
     """Join the paths of all objects, lifted onto the raft, with skirt, brim and raft.
 
@@ -40,10 +46,17 @@ def add_adhesion(
         solid: their sections.
         printed: the sections on the raft; the same without a raft.
         profile: settings of skirt, brim and raft.
+        around: what skirt and brim surround, if it is more than the printed sections.
 
     Raises:
         PartError: the brim leaves the bed.
     """
     lift = float(printed.plan.top[-1] - solid.plan.top[-1])
-    lifted = [adhesion_paths(printed, profile), *(some.on_plan(printed.plan, lift) for some in paths)]
+    beside = adhesion_paths(around or printed, profile)
+    if (
+        around is not None
+    ):  # a draft shield has the layers of the part, not also those of supports between them
+        own = np.isin(beside.layer, printed.plan.find_tops(solid.plan.top + lift))
+        beside = beside.take(np.flatnonzero(own | (beside.z_top <= lift)))  # the latter has a raft
+    lifted = [beside, *(some.on_plan(printed.plan, lift) for some in paths)]
     return Toolpaths.joined(printed.plan, lifted)

@@ -14,7 +14,7 @@ from printer_slicer import bead
 from printer_slicer.adhesion.loops import is_on_bed, loop_paths
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, PlanError
-from printer_slicer.geometry import chain_rows, hatch, offset
+from printer_slicer.geometry import chain_rows, hatch, offset, union
 from printer_slicer.model import Areas, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -30,11 +30,16 @@ _OVERLAP_RATIO = 0.1  # of the spacing, overlap of lines with the loop around th
 _ROUNDING = 1e-6  # mm
 
 
-def place_on_raft(sections: Sections, profile: Profile) -> Sections:
+def place_on_raft(sections: Sections, profile: Profile, beside: Areas | None = None) -> Sections:
     """Return the sections on their raft: the areas of the raft, then the lifted sections of the part.
 
     Without a raft the sections are returned unchanged. The raft covers the part's first section and `raft_margin`
     around it; bays and holes narrower than two margins are filled.
+
+    Args:
+        sections: the part.
+        profile: margin, height and gap of the raft.
+        beside: what else stands on the raft, as a stack of which only the first layer counts.
 
     Raises:
         PlanError: the height of the raft cannot be divided into layers.
@@ -57,6 +62,10 @@ def place_on_raft(sections: Sections, profile: Profile) -> Sections:
         raise PartError(
             "the part does not touch the bed, so it cannot stand on a raft",
             remedy="Leave out `drop=False`, or print without a raft: quality.raft_height=0",
+        )
+    if beside is not None and beside.n_rings:
+        first = union(
+            first, beside.of_layers(np.arange(1)).on_layers(np.arange(beside.n_layers), first.n_layers)
         )
     area = _find_raft_area(first, quality.raft_margin)
     if not is_on_bed(area.xy, profile, 0.0):

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.errors import UsageError
 
 __all__ = [
     "SETTING_OPTIONS",
@@ -274,15 +273,14 @@ def add_setting_options(parser: argparse.ArgumentParser, *, strict_help: str = "
 def _add_slicing_options(group: argparse._ArgumentGroup) -> None:
     """Add the options for everyday settings, supports, and profiles of other slicers."""
     _add_single_setting_options(group, is_advanced=False)
-    group.add_argument(
-        "--supports",
-        metavar="STYLE",
-        nargs="?",
-        action=_SupportsAction,
-        help="generate supports; not available yet",
-    )
     mark_advanced(
-        group.add_argument("--no-supports", action="store_true", help="print without supports (the default)")
+        group.add_argument(
+            "--no-supports",
+            action="store_const",
+            const="off",
+            dest="setting quality.support",
+            help="print without supports",
+        )
     )
     group.add_argument(
         "--load",
@@ -292,23 +290,6 @@ def _add_slicing_options(group: argparse._ArgumentGroup) -> None:
         default=[],
         help="profile file, also of PrusaSlicer, Orca or Cura",
     )
-
-
-_NO_SUPPORTS: Final = frozenset({"0", "false", "no", "none", "off"})
-"""Values of --supports that switch supports off, in lower case."""
-
-
-class _SupportsAction(argparse.Action):
-    """Action of --supports: rejects every style, because supports are not available yet."""
-
-    def __call__(self, *given: Any) -> None:
-        _parser, _namespace, style, _option = given
-        if str(style or "").lower() in _NO_SUPPORTS:
-            return
-        raise UsageError(
-            "--supports: supports are not available yet",
-            remedy="Rotate the part with --rotate so that nothing needs support, or add supports to the model",
-        )
 
 
 STRICT_HELP: Final = "fail if the mesh needs repair"
@@ -357,6 +338,13 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
     ),
     "--walls": SettingOption(
         "quality.perimeters", "N", is_advanced=False, alias="--perimeters", meaning="number of perimeters"
+    ),
+    "--supports": SettingOption(
+        "quality.support",
+        "STYLE",
+        is_advanced=False,
+        value_if_omitted="auto",
+        meaning="supports under overhangs: auto, columns, tree or off; without STYLE: auto",
     ),
     "--brim": SettingOption(
         "quality.brim_width",
@@ -416,12 +404,16 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
 """Option -> the setting that it changes, in the order of the help."""
 
 
+_NO_SUPPORTS: Final = frozenset({"0", "false", "no", "none", "off"})
+"""Values of --supports that switch supports off, in lower case."""
+
 _PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
     "--planner": str.lower,
     "--containment": str.lower,
     "--objective": str.lower,
     "--time-budget": parse_duration,
     "--infill": parse_infill_density,
+    "--supports": lambda style: "off" if style.lower() in _NO_SUPPORTS else style.lower(),
 }
 
 

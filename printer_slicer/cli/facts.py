@@ -8,7 +8,9 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.cli.overhang_facts import collect_overhang_facts, format_overhang_sentences
+from printer_slicer.cli.support_facts import collect_support_facts, format_support_sentences
 from printer_slicer.model import LayerPlan, Mesh, Repairs
+from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.planning.violations import find_violations
 from printer_slicer.planning.z_steps import layer_tolerances
 from printer_slicer.profile import Profile
@@ -69,6 +71,7 @@ def collect_slicing_facts(
         "begins_at": lowest,
         **_collect_adhesion_facts(stages, profile),
         "overhangs": collect_overhang_facts(stages, profile),
+        "supports": collect_support_facts(stages, profile) if stages.supports else None,
         "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": list_repair_facts(stages.repairs),
@@ -99,19 +102,24 @@ def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
 
 def _collect_raft_facts(stages: Stages) -> dict[str, Any] | None:
     """Return the layer heights of the raft and its gap to the part, for JSON; None without a raft."""
-    plan, printed = stages.sections.plan, stages.program.plan
-    n_below = printed.n_layers - plan.n_layers
+    printed, lift = stages.program.plan, _find_lift(stages)
+    n_below = int(np.searchsorted(printed.top, lift + SAME_TOP))
     if not n_below:
         return None
-    gap = float(printed.top[-1] - plan.top[-1] - printed.top[n_below - 1])
+    gap = float(lift - printed.top[n_below - 1])
     return {"heights": printed.height[:n_below].tolist(), "gap_mm": round(gap, 6)}
 
 
 def _find_filled_layers(stages: Stages) -> Int:
     """Return the layers of the part's plan that contain extrusions of the part itself, ascending."""
     program = stages.program
-    n_below = program.plan.n_layers - stages.sections.plan.n_layers
-    return distinct(program.layer[roles_with(is_part=True)[program.role]]) - n_below
+    filled = distinct(program.layer[roles_with(is_part=True)[program.role]])
+    return stages.sections.plan.find_tops(program.plan.top[filled] - _find_lift(stages))
+
+
+def _find_lift(stages: Stages) -> float:
+    """Return how far a raft raises the part, mm; 0 without one."""
+    return float(stages.program.plan.top[-1] - stages.sections.plan.top[-1])
 
 
 def _find_lowest_extrusion(stages: Stages) -> float:
@@ -160,6 +168,7 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
             f"The part does not touch the bed: its first extrusion starts at z {facts['lowest_extrusion_z']:g}"
         )
     lines += format_overhang_sentences(facts["overhangs"])
+    lines += format_support_sentences(facts["supports"])
     lines += _format_link_sentences(facts["link"])
     lines += _format_skirt_sentences(facts)
     if facts["brim_omitted"]:

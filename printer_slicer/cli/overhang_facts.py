@@ -18,7 +18,7 @@ _MOST_PLACES: Final = 3  # places of each kind that are listed
 
 
 def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
-    """Return the overhangs that get no supports, for JSON; None if there are none.
+    """Return the overhangs of a part without supports, for JSON; None if there are none, or if it has supports.
 
     Positions are those after scaling and rotating, not those on the bed.
 
@@ -27,7 +27,7 @@ def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] |
         profile: the profile used for slicing.
     """
     found = stages.overhangs
-    if found is None or not found.area.n_rings:
+    if stages.supports is not None or found is None or not found.area.n_rings:
         return None
     islands = split_connected(found.islands)
     order = np.argsort(found.ring_patch, kind="stable")

@@ -1,4 +1,8 @@
-"""Slow down layers that print too fast to cool, hidden extrusions first, and set the fan."""
+"""Slow down layers that print too fast to cool, hidden extrusions first, and set the fan.
+
+A layer that only supports have counts as a part of the layer before it, because both cool until the next layer of the
+part begins.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, SmallInt
+from printer_slicer.arrays import Bool, Float, Int, SmallInt
 from printer_slicer.extrusion.extrusion_values import SUPPORT_RATIOS
 from printer_slicer.extrusion.timing import move_seconds, retime_moves
 from printer_slicer.model import Event, Fan, Program
@@ -32,17 +36,39 @@ def slow_small_layers(program: Program, profile: Profile) -> Program:
     # The lower bound must not make slower moves faster, such as those of the first layer.
     floor = np.minimum(program.speed, material.min_speed)
     extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWING_ROUND[program.role]
+    group = _group_layers(program)
     for last in range(int(_SLOWING_ROUND.max()) + 1):
-        motion = _slow_down(program, motion, floor, extrudes & (slowed_in <= last), profile)
+        motion = _slow_down(
+            program, group, motion, floor, may_slow=extrudes & (slowed_in <= last), profile=profile
+        )
     return program if motion[0] is program.speed else replace(program, speed=motion[0])
 
 
+def _group_layers(program: Program) -> Int:
+    """Return for each layer (L,) the layer with which it cools: itself, or the one before layers of supports alone."""
+    n_layers = program.plan.n_layers
+    carries = roles_with(is_support=True)[program.role]
+    others = (program.role != Role.TRAVEL) & ~carries
+    supports, rest = (np.bincount(program.layer[some], minlength=n_layers) for some in (carries, others))
+    alone = (supports > 0) & (rest == 0)
+    return np.asarray(np.maximum.accumulate(np.where(alone, 0, np.arange(n_layers))))
+
+
 def _slow_down(
-    program: Program, motion: tuple[Float, Float], floor: Float, may_slow: Bool, profile: Profile
+    program: Program,
+    group: Int,
+    motion: tuple[Float, Float],
+    floor: Float,
+    *,
+    may_slow: Bool,
+    profile: Profile,
 ) -> tuple[Float, Float]:
-    """Slow down moves that `may_slow` (K,) on layers that print too fast; return speeds, mm/s, and times (K,), s."""
+    """Slow down moves that `may_slow` (K,) on layers that print too fast; return speeds, mm/s, and times (K,), s.
+
+    `group` (L,) has the layer with which each one cools.
+    """
     speed, seconds = motion
-    least, layer = profile.material.min_layer_time, program.layer
+    least, layer = profile.material.min_layer_time, group[program.layer]
     for _ in range(_MAX_ROUNDS):
         total = np.bincount(layer, weights=seconds)
         slowable = np.bincount(layer, weights=seconds * may_slow)
@@ -55,7 +81,7 @@ def _slow_down(
         changed = slower < speed * _ENOUGH_RATIO
         if not changed.any():  # layers that are still too short are at their lowest speed
             break
-        changed_layers = layer[slower < speed][[0, -1]]
+        changed_layers = program.layer[slower < speed][[0, -1]]
         speed = slower
         seconds = retime_moves(program, seconds, speed, changed_layers, profile)
     return speed, seconds
@@ -64,10 +90,14 @@ def _slow_down(
 def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list[Event]:
     """Return fan changes: faster on short layers, ramped up over height, full on bridges, in between on overhangs.
 
-    `support_ratio` (K,) is the fraction of each extrusion's width that rests on the layer below.
+    Support interfaces have a fan speed of their own. `support_ratio` (K,) is the fraction of each extrusion's width
+    that rests on the layer below.
     """
     material, plan = profile.material, program.plan
-    seconds = np.bincount(program.layer, weights=move_seconds(program, profile), minlength=plan.n_layers)
+    group = _group_layers(program)
+    seconds = np.bincount(
+        group[program.layer], weights=move_seconds(program, profile), minlength=plan.n_layers
+    )[group]
     span = max(material.fan_layer_time - material.min_layer_time, 1e-9)
     hurry = np.clip((material.fan_layer_time - seconds) / span, 0, 1)
     strongest = max(material.fan_ratio, material.fan_ratio_max)
@@ -85,6 +115,8 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     )
     toward = np.where(ramp[program.layer] > 0, toward, 0.0)
     ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
+    on_interface = _is_next_extrusion_selected(program.role, program.role == Role.SUPPORT_INTERFACE)
+    ratio = np.where(on_interface & (ramp[program.layer] > 0), material.support_fan, ratio)
     steps = np.round(ratio / _FAN_STEP).astype(np.int64)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
     ratios = np.clip(steps[change] * _FAN_STEP, 0, 1)

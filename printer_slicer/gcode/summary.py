@@ -18,9 +18,10 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import unique_inverse
+from printer_slicer.arrays import Bool, distinct, unique_inverse
 from printer_slicer.model import Program
 from printer_slicer.profile import Profile, list_settings
+from printer_slicer.roles import roles_with
 from printer_slicer.texts import format_duration, format_number
 from printer_slicer.version import VERSION
 
@@ -76,8 +77,11 @@ def _collect_statistics(program: Program, profile: Profile, seconds: float | Non
 def _collect_common_settings(program: Program, profile: Profile) -> Mapping[str, str]:
     """Return settings under the names that most slicers write; `layer_height` is the height of most of the part."""
     printer, material, quality, plan = profile.printer, profile.material, profile.quality, program.plan
-    heights, turn = unique_inverse(np.round(plan.height, 6))
-    usual = heights[np.bincount(turn, weights=plan.height).argmax()]
+    has_supports = bool(roles_with(is_support=True)[program.role].any())
+    # Layers that only supports have do not count.
+    of_part = plan.height if not has_supports else plan.height[distinct(program.layer[_prints_part(program)])]
+    heights, turn = unique_inverse(np.round(of_part, 6))
+    usual = heights[np.bincount(turn, weights=of_part).argmax()]
     nozzle, bed = material.nozzle_temperature, material.bed_temperature
     first_nozzle, first_bed = material.first_layer_nozzle_temperature, material.first_layer_bed_temperature
     return {
@@ -97,8 +101,14 @@ def _collect_common_settings(program: Program, profile: Profile) -> Mapping[str,
         "perimeters": f"{quality.perimeters}",
         "brim_width": f"{quality.brim_width:.0f}",
         "ironing": f"{quality.ironing:d}",
-        "support_material": "0",
+        "support_material": f"{has_supports:d}",
+        **({"support_material_style": quality.support} if has_supports else {}),
         "print_settings_id": quality.name,
         "printer_settings_id": printer.name,
         "printer_model": printer.model or printer.name,
     }
+
+
+def _prints_part(program: Program) -> Bool:
+    """Return a mask (K,) of the moves that print the part."""
+    return roles_with(is_part=True)[program.role]

@@ -7,7 +7,6 @@ settings of that file come from the profile that is changed. Unlike values in fi
 from __future__ import annotations
 
 import os
-import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -88,6 +87,7 @@ _COMMON_WORDS: Final[Mapping[str, str]] = {
     "max_volumetric_speed": "max_flow",
     "hotend": "nozzle_temperature",
     "spiralize": "spiral",
+    "supports": "support",
     "nozzle_temp": "nozzle_temperature",
     "hotend_temperature": "nozzle_temperature",
     "hotend_temp": "nozzle_temperature",
@@ -134,8 +134,6 @@ _LARGEST_RATIO: Final = 2.0  # greater numbers are percentages
 _RATIO_SETTINGS: Final = ("infill_density", "fan_ratio", "flow_ratio")
 
 
-_NO_SUPPORTS: Final = re.compile(r"(?:enable_)?supports?(?:_\w+)?")
-_SUPPORT_SWITCHES: Final = ("supports", "support", "support_material", "enable_support", "support_enable")
 _PROBES: Final = {"seam_slope_type": "all", "raft_layers": "2"}
 """Settings without which others have no effect."""
 
@@ -277,6 +275,8 @@ def _suggest_setting(name: str, text: str, profile: Profile) -> str:
     key = _COMMON_WORDS.get(name.lower().replace("-", "_"), "")
     if not key:
         return ""
+    if key == "support":
+        text = {"1": "auto", "true": "auto", "0": "off", "false": "off"}.get(text.lower(), text)
     if key == "speeds.perimeter" and text.endswith("%"):
         key = "speeds.ratio"
     is_number = text.replace(".", "", 1).isdigit()
@@ -322,13 +322,11 @@ def _convert_foreign(
     foreign: Mapping[str, str], own: Collection[str], profile: Profile, write: Callable[[str, str], str]
 ) -> dict[str, FamiliarSetting]:
     """Convert settings of other slicers; leave out names that no slicer has."""
-    wanted = {name: text for name, text in foreign.items() if not _is_support_switched_off(name, text, write)}
-    slicers = _choose_slicers(wanted, own)
-    for name, text in wanted.items():
+    slicers = _choose_slicers(foreign, own)
+    for name, text in foreign.items():
         if not slicers[name]:
             _reject_common_word(name, text, profile, write)
-    found = _convert_together({name: wanted[name] for name in wanted if slicers[name]}, slicers, profile)
-    return found | {name: _NOTHING for name in foreign if name not in wanted}
+    return _convert_together({name: foreign[name] for name in foreign if slicers[name]}, slicers, profile)
 
 
 def _reject_common_word(name: str, text: str, profile: Profile, write: Callable[[str, str], str]) -> None:
@@ -349,22 +347,6 @@ def _is_own(name: str, text: str) -> bool:
     if not is_setting(name) or accepts_form(name, text):
         return is_setting(name)
     return not (takes_percentage(name, "prusaslicer") if text.endswith("%") else has_equivalent(name))
-
-
-def _is_support_switched_off(name: str, text: str, write: Callable[[str, str], str]) -> bool:
-    """Return whether a setting switches supports off.
-
-    Raises:
-        ProfileError: it switches them on, or is another setting of supports.
-    """
-    if not _NO_SUPPORTS.fullmatch(ORCA_NAMES.get(name, name)):
-        return False
-    if name in _SUPPORT_SWITCHES and text.strip().lower() in (*OFF_WORDS, "none", ""):
-        return True
-    raise ProfileError(
-        f"{write(name, text)}: supports are not available yet",
-        remedy="Rotate the part so that nothing needs support, or add supports to the model",
-    )
 
 
 def _choose_slicers(names: Collection[str], own: Collection[str]) -> dict[str, str]:

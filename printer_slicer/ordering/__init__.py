@@ -1,8 +1,8 @@
 """Order paths for printing: sequence, direction and start points of loops (Toolpaths -> Toolpaths).
 
-Skirt, brim and raft loops come first, then island by island. Within an island, each external perimeter is printed
-together with its inner perimeters, before or after the infill. Bridges come before extrusions that rest on them, top
-solid infill last. Paths without a fixed order are sorted for short travels.
+Skirt, brim, raft loops and supports come first, then island by island. Within an island, each external perimeter is
+printed together with its inner perimeters, before or after the infill. Bridges come before extrusions that rest on
+them, top solid infill last. Paths without a fixed order are sorted for short travels.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class Units(Struct, frozen=True, eq=False):
         path: (M,) indices of all paths, unit by unit.
         start: (U + 1,) unit `i` has the paths `path[start[i]:start[i + 1]]`.
         layer: (U,) ascending.
-        island: (U,) ascending within a layer; -1 for skirt, brim and raft loops.
+        island: (U,) ascending within a layer; -1 for skirt, brim, raft loops and supports.
         step: (U,) ascending within an island.
         begin: (U, 2) start point, mm.
         end: (U, 2) end point, mm.
@@ -56,6 +56,9 @@ def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: 
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
     step = np.where(around, np.arange(n), _assign_steps(paths, infill_first=profile.quality.infill_first))
+    # Supports are printed before the part, bases before interfaces, each in the order of short travels.
+    carries = roles_with(is_support=True)[paths.role]
+    step[carries] = n + (paths.role[carries] == Role.SUPPORT_INTERFACE)
     # Paths with the same number form a unit: their own number, or that of a cluster or a chain.
     number, turn = np.arange(n), np.arange(n)
     number[clusters.path], turn[clusters.path] = clusters.cluster, clusters.turn

@@ -18,9 +18,9 @@ from printer_slicer.planning.height_grid import (
     list_candidate_layers,
 )
 from printer_slicer.planning.layer_times import LayerTimes
-from printer_slicer.planning.shortest_path import ArcGraph
 from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
 from printer_slicer.profile import Profile
+from printer_slicer.shortest_path import ArcGraph
 from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.vertical_runs import bound_runs_by_length
 from printer_slicer.values import Struct, force_setattr, replace

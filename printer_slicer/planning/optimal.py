@@ -39,7 +39,10 @@ from printer_slicer.planning.constraint_priorities import (
     rank_constraints,
 )
 from printer_slicer.planning.height_grid import HeightGrid
-from printer_slicer.planning.shortest_path import (
+from printer_slicer.planning.smoothness import neighbour_limits
+from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
+from printer_slicer.profile import Profile
+from printer_slicer.shortest_path import (
     ArcGraph,
     NeighbourLimits,
     cheapest_path,
@@ -48,9 +51,6 @@ from printer_slicer.planning.shortest_path import (
     cheapest_within_budget,
     optimal_arcs,
 )
-from printer_slicer.planning.smoothness import neighbour_limits
-from printer_slicer.planning.z_steps import ZSteps, fill_with_layers
-from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
 
 __all__ = ["plan_optimal"]

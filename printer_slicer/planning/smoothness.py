@@ -9,9 +9,9 @@ import numpy as np
 from printer_slicer.arrays import Bool, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.height_grid import HeightGrid, range_ends
-from printer_slicer.planning.shortest_path import NeighbourLimits
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import Profile
+from printer_slicer.shortest_path import NeighbourLimits
 from printer_slicer.surface import find_flats
 
 __all__ = ["SMOOTH_STEP", "SMOOTH_STEP_RATIO", "neighbour_limits"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Int, consecutive, distinct
+from printer_slicer.arrays import Float, Int, consecutive, distinct
 from printer_slicer.geometry import normalize, offset, union
 from printer_slicer.model import Areas, LayerPlan, Sections
 
@@ -14,7 +14,7 @@ _ROUNDING = 1e-6  # mm
 
 
 def find_blocked_areas(
-    sections: Sections, layers: LayerPlan, xy_gap: float, z_gaps: tuple[float, float], near_gap: float
+    sections: Sections, layers: LayerPlan, xy_gap: float, z_gaps: tuple[float, float | Float], near_gap: float
 ) -> Areas:
     """Return the areas of each support layer that supports must leave free.
 
@@ -22,7 +22,7 @@ def find_blocked_areas(
         sections: the part.
         layers: the layers of supports.
         xy_gap: distance from layers of the part that overlap the support layer in z, mm.
-        z_gaps: (below, above) distance in z to the part, mm.
+        z_gaps: (below, above) distance in z to the part, mm; the latter may be one for each support layer (S,).
         near_gap: distance sideways from layers of the part that are nearer than the gaps in z, mm.
     """
     beside = _find_ranges(sections, layers, (0.0, 0.0))
@@ -30,12 +30,12 @@ def find_blocked_areas(
     own = sections.solid.find_first_equal_layers()
     chosen, entry = _find_different_entries(own, beside, near)
     areas = offset(_unite_ranges(sections.solid, own, beside[chosen]), xy_gap)
-    if any(z_gaps):
+    if any(map(np.any, z_gaps)):
         areas = union(areas, offset(_unite_ranges(sections.solid, own, near[chosen]), near_gap))
     return areas.copy_layers(entry)
 
 
-def _find_ranges(sections: Sections, layers: LayerPlan, z_gaps: tuple[float, float]) -> Int:
+def _find_ranges(sections: Sections, layers: LayerPlan, z_gaps: tuple[float, float | Float]) -> Int:
     """Return the range (S, 2) of part layers that come within the gaps of each support layer."""
     plan, (below, above) = sections.plan, z_gaps
     first = np.searchsorted(plan.top, layers.bottom - below + _ROUNDING, side="right")

@@ -9,11 +9,14 @@ from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Sections, Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
+from printer_slicer.roles import roles_with
 from printer_slicer.travels.rerouting import reroute
 from printer_slicer.travels.routes import Routes, straight_routes
 from printer_slicer.travels.top_surface import crosses_top_infill
 
 __all__ = ["travel"]
+
+_ROWS_OF_SUPPORT = 2.0  # row spacings; shorter travels stay within a support
 
 
 def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
@@ -22,7 +25,8 @@ def travel(paths: Toolpaths, sections: Sections, profile: Profile) -> Travels:
     A travel within one piece of the part goes around its holes and corners, if the detour is not much longer than the
     straight line. Other travels cross as few outlines as possible with short detours. The filament is retracted if a
     travel leaves the part, or if it is longer than `printer.retract_before_travel` and passes over printed top solid
-    infill. Oozing elsewhere inside the part is not visible.
+    infill. Oozing elsewhere inside the part is not visible. Travels may cross supports; long ones to or from supports
+    have a retraction.
     """
     begin, end = find_travel_ends(paths)
     if paths.n_paths < 2:
@@ -53,4 +57,9 @@ def _needs_retraction(paths: Toolpaths, routes: Routes, crossings: Int, profile:
         result |= long & (length > printer.retract_inside)
     some = np.flatnonzero(long & ~result)
     result[some] = crosses_top_infill(paths, routes.take(some), some + 1)
+    # Between lines of a support no thread matters, but between supports it would.
+    carries = roles_with(is_support=True)[paths.role]
+    if carries.any():
+        within = max(printer.retract_before_travel, _ROWS_OF_SUPPORT * profile.quality.support_spacing)
+        result |= (carries[1:] | carries[:-1]) & (length > within)
     return result & (printer.retract_length > 0)

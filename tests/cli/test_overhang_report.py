@@ -49,8 +49,19 @@ def test_slice_reports_nothing_if_nothing_needs_supports(tmp_path: Path) -> None
     assert not facts["warnings"]
 
 
-def test_slice_warns_that_wanted_supports_are_not_generated(tmp_path: Path) -> None:
-    text, facts = sliced(arm_with_cone(), tmp_path, "--set", "support=tree")
+@pytest.mark.parametrize("style", ["columns", "tree"])
+def test_slice_tells_how_much_plastic_and_time_supports_take(tmp_path: Path, style: str) -> None:
+    plain, without = sliced(arm_with_cone(), tmp_path)
+    text, facts = sliced(arm_with_cone(), tmp_path, "--supports", style)
 
-    assert "Unsupported: 1 island" in text
-    assert any("support = tree: this version generates no supports" in one for one in facts["warnings"])
+    found = facts["supports"]
+    assert without["supports"] is None
+    assert found["style"] == style
+    assert facts["filament_g"] - without["filament_g"] == pytest.approx(
+        found["filament_g"], rel=0.05, abs=0.01
+    )
+    assert facts["overhangs"] is None
+    assert "Unsupported: 1 island" in plain
+    assert "Unsupported: an island" not in text
+    assert f"Supports ({'trees' if style == 'tree' else style}): " in text
+    assert "; support_material = 1\n" in (tmp_path / "part.gcode").read_text(encoding="utf-8")

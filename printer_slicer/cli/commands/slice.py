@@ -271,18 +271,7 @@ def _list_late_warnings(
     return [
         *_list_unsupported_warnings(unsupported),
         *list_blocked_island_warnings(stage),
-        *_list_support_warnings(profile, stage),
         *_list_unused_range_warnings(profile, stage.sections.plan),
-    ]
-
-
-def _list_support_warnings(profile: Profile, stage: Stages) -> list[str]:
-    """Return a warning if overhangs should get supports, which are not generated."""
-    wanted = {profile.quality.support, *(one.set.get("support", "off") for one in profile.quality.overrides)}
-    if wanted == {"off"} or not (stage.overhangs and stage.overhangs.area.n_rings):
-        return []
-    return [
-        f"support = {max(wanted - {'off'})}: this version generates no supports; overhangs are only reported"
     ]
 
 

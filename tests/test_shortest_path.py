@@ -16,7 +16,9 @@ from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.candidate_layers import CandidateLayers
 from printer_slicer.planning.height_grid import HeightGrid
-from printer_slicer.planning.shortest_path import (
+from printer_slicer.planning.z_steps import ZSteps
+from printer_slicer.profile import OptimalPlanner, Profile
+from printer_slicer.shortest_path import (
     ArcGraph,
     NeighbourLimits,
     cheapest_path,
@@ -24,8 +26,6 @@ from printer_slicer.planning.shortest_path import (
     cheapest_with_neighbours,
     cheapest_within_budget,
 )
-from printer_slicer.planning.z_steps import ZSteps
-from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.effort import crossed, examples, few_of
 from tests.parts import profile, pyramid, sheared_prism, sphere, step_pyramid

@@ -1,0 +1,116 @@
+"""Present supports, and the places that get none, as facts for JSON and as sentences for people."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.geometry import Areas, difference, intersection
+from printer_slicer.model import Bare, Program, Sections, Supports
+from printer_slicer.profile import Profile
+from printer_slicer.roles import Role, roles_with
+from printer_slicer.stages import Stages
+from printer_slicer.texts import format_count, format_duration, format_significant
+
+__all__ = ["collect_support_facts", "format_support_sentences"]
+
+_MOST_PLACES: Final = 3  # places without support that are listed
+_LANDING_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
+
+
+def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
+    """Return plastic, time and places of supports, for JSON; None without supports.
+
+    The time includes the travels to supports. Positions are those after scaling and rotating, not those on the bed.
+
+    Args:
+        stages: the sliced part.
+        profile: the profile used for slicing.
+    """
+    supports, program = stages.supports, stages.program
+    if supports is None:
+        return None
+    carries = _mark_supports(program)
+    filament = float(program.filament[carries & (program.role != Role.TRAVEL)].sum())
+    volume = filament * np.pi / 4 * profile.material.filament_diameter**2
+    area = supports.area
+    return {
+        "style": "tree" if len(supports.branches) else "columns",
+        "layers": supports.plan.layers.n_layers,
+        "filament_g": round(volume / 1000 * profile.material.density, 3),
+        "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
+        "on_bed_mm2": round(float(area.area()[:1].sum()), 3),
+        "on_part_mm2": round(_measure_landings(supports, area, stages.sections), 3),
+        "largest_gap_error_mm": round(_measure_gap_error(stages, supports, profile), 6),
+        "bare_mm2": round(sum(place.area for place in supports.bare), 3),
+        "bare_islands": sum(place.is_island for place in supports.bare),
+        "bare": _list_largest(supports.bare, stages),
+    }
+
+
+def _mark_supports(program: Program) -> Bool:
+    """Return a mask (K,) of the moves that print supports or lead to them."""
+    carries = roles_with(is_support=True)[program.role]
+    is_bead = program.role != Role.TRAVEL
+    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(is_bead)), len(is_bead))[::-1])[::-1]
+    return np.asarray(np.append(carries, False)[following])
+
+
+def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:
+    """Return the area of supports that stand on the part, mm²."""
+    below = np.searchsorted(part.plan.top, supports.plan.layers.bottom - _LANDING_DEPTH)
+    begins = difference(area.of_layers(np.arange(1, area.n_layers)), area.shift_layers(1))
+    return float(intersection(begins, part.solid.copy_layers(below)).area().sum())
+
+
+def _measure_gap_error(stages: Stages, supports: Supports, profile: Profile) -> float:
+    """Return the largest difference between the gap under horizontal surfaces and the setting, mm."""
+    flat = stages.overhangs.is_flat if stages.overhangs else np.zeros(0, np.bool_)
+    gaps = supports.plan.gap[: len(flat)][flat]
+    return float(np.abs(gaps[np.isfinite(gaps)] - profile.quality.support_gap).max(initial=0.0))
+
+
+def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]]:
+    """Return the largest places without support, islands first."""
+    places = sorted(bare, key=lambda place: (not place.is_island, -place.area))[:_MOST_PLACES]
+    shift = stages.shift.tolist()
+    return [
+        {
+            "x": round(place.x + shift[0], 3),
+            "y": round(place.y + shift[1], 3),
+            "z": round(place.z + shift[2], 4),
+            "area_mm2": round(place.area, 3),
+            "island": place.is_island,
+            "reason": place.reason,
+        }
+        for place in places
+    ]
+
+
+def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
+    """Format the plastic and the time of supports, and the places that get none, as sentences.
+
+    Args:
+        facts: the result of `collect_support_facts`.
+    """
+    if facts is None:
+        return []
+    name = {"tree": "trees", "columns": "columns"}[facts["style"]]
+    on_part = (
+        f"; {format_significant(facts['on_part_mm2'])} mm² stand on the part" if facts["on_part_mm2"] else ""
+    )
+    lines = [
+        f"Supports ({name}): {format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
+    ]
+    islands = facts["bare_islands"]
+    for place in facts["bare"]:
+        what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"
+        lines.append(
+            f"Unsupported: {what} at x, y, z {place['x']:.1f}, {place['y']:.1f}, {place['z']:.1f}: {place['reason']}"
+        )
+    if islands > _MOST_PLACES:
+        lines.append(f"Unsupported: {format_count(islands, 'island')} in all")
+    return lines

@@ -1,0 +1,198 @@
+"""Columns: supports that stand straight below what hangs, on the bed or on the part."""
+
+from __future__ import annotations
+
+from math import radians, tan
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Float, distinct
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    intersection,
+    normalize,
+    offset,
+    offset_open,
+    simplify,
+    split_connected,
+    union,
+)
+from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPlan, Supports
+from printer_slicer.profile import Profile
+from printer_slicer.supports.blocked_areas import find_blocked_areas
+from printer_slicer.supports.interfaces import divide_columns
+from printer_slicer.supports.levels import list_places_without_room
+from printer_slicer.values import Struct
+
+__all__ = ["find_contacts", "lay_columns"]
+
+_CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
+_ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, but its support must not be one
+_NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
+_SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed where a contact is added
+_RESOLUTION: Final = 0.05  # mm of outlines
+_SLIVER: Final = 0.15  # mm; strips narrower than twice this are dropped
+_SLIMMEST: Final = 10.0  # height by width of a column that need not become wider
+_WIDE: Final = 5.0  # mm; wider columns need not become wider
+_WIDENING: Final = tan(radians(5.0))  # mm per mm of height
+_WIDENING_STEP: Final = 2.0  # mm of height after which a column becomes wider
+_LEAST_LOST: Final = 0.5  # mm²; smaller contacts that are lost are rounding
+_OUTSIDE_BED: Final = "its support would lie outside the bed"
+_NOT_ON_BED: Final = "its support would stand on the part"
+
+
+def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
+    """Support overhangs by columns.
+
+    Args:
+        overhangs: what hangs.
+        plan: the layers of supports.
+        sections: the part.
+        profile: gaps, foot and interfaces of supports, and the bed.
+    """
+    quality, layers = profile.quality, plan.layers
+    bare = list_places_without_room(overhangs, plan)
+    if not layers.n_layers:
+        none = Areas.empty(0)
+        return Supports(plan, none, none, none, none, none, bare=bare)
+    gaps = quality.support_bottom_gap, _find_gaps_above(plan, quality.support_gap)
+    xy_gap = quality.support_xy_gap
+    blocked = find_blocked_areas(sections, layers, xy_gap, gaps, min(_NEAR_GAP, xy_gap))
+    # Below a slope, the gap beside the layer before takes much of each strip.
+    growth = float(np.clip(xy_gap, *_CONTACT_GROWTHS))
+    wanted = find_contacts(overhangs, plan, blocked, growth, quality.support_closing)
+    contacts = _clip_to_bed(wanted, profile)
+    bare += _list_lost(wanted, contacts, layers, _OUTSIDE_BED)
+    columns = _drop_columns(contacts, blocked, layers)
+    if quality.support_on_bed_only:
+        columns = _keep_above_bed(columns)
+        standing = intersection(contacts, columns)
+        bare += _list_lost(contacts, standing, layers, _NOT_ON_BED)
+        contacts = standing
+    if quality.support_foot:
+        columns = _add_foot(columns, blocked, profile)
+    base, interface, floor = divide_columns(columns, contacts, quality.support_interface_layers)
+    none = Areas.empty(layers.n_layers)
+    return Supports(plan, base, interface, floor, joists=none, hollow=none, bare=bare)
+
+
+def find_contacts(
+    overhangs: Overhangs, plan: SupportPlan, blocked: Areas, growth: float, closing: float
+) -> Areas:
+    """Return the areas by support layer under what hangs, as far as supports may be there.
+
+    They reach `growth` mm beyond what hangs. Gaps within a patch that are narrower than twice `closing` are closed.
+    """
+    n_layers, area = plan.layers.n_layers, overhangs.area
+    carrier = plan.carrier[area.ring_layer]
+    key = np.where(carrier >= 0, carrier * overhangs.n_patches + overhangs.ring_patch, -1)
+    rings = np.argsort(key, kind="stable")
+    rings = rings[key[rings] >= 0]
+    keys = distinct(key[rings])
+    entries = normalize(area.restacked(rings, np.searchsorted(keys, key[rings]), len(keys)))
+    grown = offset(offset(entries, growth + closing), -closing) if len(keys) else entries
+    contacts = normalize(grown.on_layers(keys // max(overhangs.n_patches, 1), n_layers))
+    own = plan.carrier[overhangs.islands.ring_layer]
+    order = np.argsort(own, kind="stable")
+    order = order[own[order] >= 0]
+    islands = offset(normalize(overhangs.islands.restacked(order, own[order], n_layers)), _ISLAND_GROWTH)
+    return difference(union(contacts, islands), blocked)
+
+
+def _find_gaps_above(plan: SupportPlan, gap: float) -> Float:
+    """Return the distance (S,) of each support layer to the part above; it is less only where there is no room."""
+    gaps = np.full(plan.layers.n_layers, gap)
+    carried = np.flatnonzero(plan.carrier >= 0)
+    np.minimum.at(gaps, plan.carrier[carried], plan.gap[carried])
+    return gaps
+
+
+def _clip_to_bed(areas: Areas, profile: Profile) -> Areas:
+    """Return the areas without what lies outside the bed."""
+    low, high = np.array(profile.printer.corners)
+    if not areas.n_rings or ((areas.xy >= low).all() and (areas.xy <= high).all()):
+        return areas
+    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+    n_layers = areas.n_layers
+    bed = Areas(np.tile(corners, (n_layers, 1)), 4 * np.arange(n_layers + 1), np.arange(n_layers), n_layers)
+    return intersection(areas, bed)
+
+
+class _Column(Struct):
+    """The columns of one layer while they are followed down.
+
+    Attributes:
+        area: the columns, as a stack of one layer.
+        z: height above which they were made wide enough, mm.
+    """
+
+    area: Areas
+    z: float
+
+
+def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
+    """Return the areas of columns below contacts, by support layer.
+
+    Layers without contacts, in which the same is blocked as in the layer above, are as that layer.
+    """
+    n_layers, used, own = layers.n_layers, contacts.used, blocked.find_first_equal_layers()
+    column = _Column(Areas.empty(1), float(layers.top[-1]))
+    result: list[Areas] = []
+    for layer in range(n_layers - 1, -1, -1):
+        at = np.array([layer])
+        changed = used[layer] or (layer + 1 < n_layers and own[layer] != own[layer + 1])
+        if used[layer]:
+            # Outlines of many strips below a slope would be jagged.
+            area = union(column.area, contacts.copy_layers(at))
+            column.area = simplify(offset(offset(area, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
+        wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
+        if changed or wider:
+            column.area = offset_open(difference(column.area, blocked.copy_layers(at)), _SLIVER)
+        result.append(column.area.on_layers(at, n_layers))
+    return Areas.concatenate(result[::-1], n_layers)
+
+
+def _widen(column: _Column, z: float) -> bool:
+    """Make columns wider that are too slim for their height; return whether any became wider."""
+    if column.z - z < _WIDENING_STEP:
+        return False
+    step, column.z = column.z - z, z
+    pieces = split_connected(column.area)
+    slim = ~offset(pieces.areas, -min(z / _SLIMMEST, _WIDE) / 2).used
+    if not slim.any():
+        return False
+    wider = offset(pieces.on_layers(1, np.flatnonzero(slim)), step * _WIDENING)
+    column.area = union(wider, pieces.on_layers(1, np.flatnonzero(~slim)))
+    return True
+
+
+def _add_foot(columns: Areas, blocked: Areas, profile: Profile) -> Areas:
+    """Return the columns with a wider first layer."""
+    first, rest = columns.of_layers(np.arange(1)), columns.of_layers(np.arange(1, columns.n_layers))
+    foot = offset(first, profile.quality.support_foot, join="round")
+    foot = _clip_to_bed(difference(foot, blocked.of_layers(np.arange(1))), profile)
+    return foot.merge(rest)
+
+
+def _keep_above_bed(columns: Areas) -> Areas:
+    """Return the columns as far as they stand on the bed."""
+    own, n_layers = columns.find_first_equal_layers(), columns.n_layers
+    standing = columns.copy_layers(np.array([0]))
+    result = [standing.on_layers(np.array([0]), n_layers)]
+    for layer in range(1, n_layers):
+        at = np.array([layer])
+        if own[layer] != own[layer - 1]:
+            standing = offset_open(intersection(columns.copy_layers(at), standing), _SLIVER)
+        result.append(standing.on_layers(at, n_layers))
+    return Areas.concatenate(result, n_layers)
+
+
+def _list_lost(wanted: Areas, left: Areas, layers: LayerPlan, reason: str) -> tuple[Bare, ...]:
+    """List the contacts that get no support."""
+    lost = split_connected(offset_open(difference(wanted, left), _SLIVER))
+    area, (low, high) = lost.areas.area(), lost.areas.boxes()
+    middle, z = ((low + high) / 2).tolist(), layers.top[lost.layer].tolist()
+    large = np.flatnonzero(area > _LEAST_LOST).tolist()
+    return tuple(Bare(middle[i][0], middle[i][1], z[i], float(area[i]), reason) for i in large)

@@ -1,0 +1,57 @@
+"""Find slim columns, which need loops to stand upright."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Int
+from printer_slicer.geometry import Areas, intersection, normalize, offset, simplify, split_connected, union
+from printer_slicer.model import Supports
+
+__all__ = ["find_slim_columns"]
+
+_SLIM_RATIO: Final = 2.0  # row spacings; wider columns have enough lines
+_SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed
+_RESOLUTION: Final = 0.05  # mm of outlines
+_SLIM_HEIGHT: Final = 2.0  # mm; a strip at the top of a wider column is not a slim column
+
+
+def find_slim_columns(supports: Supports, spacing: float) -> Areas:
+    """Return the areas of slim columns, by support layer, without branches.
+
+    A piece begins a slim column if it is narrow, and still narrow some mm below. From there the column goes down
+    with the same outline, so that each loop around it lies on another one, also where it becomes part of a wider one.
+    """
+    layers, n_layers = supports.plan.layers, supports.plan.layers.n_layers
+    columns = normalize(supports.base.merge(supports.interface).merge(supports.floor))
+    if supports.hollow.n_rings:
+        columns = columns.of_layers(np.zeros(n_layers, np.bool_))
+    first = columns.find_first_equal_layers()
+    pieces = split_connected(columns)
+    slim = np.flatnonzero(~offset(pieces.areas, -_SLIM_RATIO * spacing / 2).used)
+    narrow = pieces.on_layers(n_layers, slim)
+    # The first layer is wider because of the foot.
+    low = np.maximum(np.searchsorted(layers.top, layers.top - _SLIM_HEIGHT), min(1, n_layers - 1))
+    begins = intersection(narrow, narrow.copy_layers(low))
+    return _follow_down(begins, columns, first)
+
+
+def _follow_down(begins: Areas, columns: Areas, first: Int) -> Areas:
+    """Return areas that begin in some layers and continue below, within the columns.
+
+    `first` (S,) is the first layer that has the same columns.
+    """
+    n_layers, used, same = columns.n_layers, begins.used, begins.find_first_equal_layers()
+    area, result = Areas.empty(1), list[Areas]()
+    for layer in range(n_layers - 1, -1, -1):
+        at, above = np.array([layer]), min(layer + 1, n_layers - 1)
+        if used[layer] and (layer == above or same[layer] != same[above]):
+            both = union(area, begins.copy_layers(at))
+            area = simplify(offset(offset(both, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
+            area = intersection(area, columns.copy_layers(at))
+        if area.n_rings and first[layer] != first[above]:
+            area = intersection(area, columns.copy_layers(at))
+        result.append(area.on_layers(at, n_layers))
+    return Areas.concatenate(result[::-1], n_layers)

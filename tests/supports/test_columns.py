@@ -1,0 +1,141 @@
+"""Columns: they keep their distance from the part, and stand where they may."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from printer_slicer.geometry import difference, intersection, normalize, offset
+from printer_slicer.model import Areas, Mesh, Overhangs, Sections, SupportPlan, Supports
+from printer_slicer.perimeters import lay_walls
+from printer_slicer.profile import Profile, load_profile
+from printer_slicer.regions import classify
+from printer_slicer.slicing import cut
+from printer_slicer.supports import find_overhangs
+from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.levels import plan_support_layers
+from printer_slicer.values import replace
+from tests.parts import layers
+from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, tee
+
+PARTS = {"tee": tee, "hook": hook, "sphere": sphere_on_bed, "mushroom": mushroom, "bracket": bracket}
+
+
+def prepared(
+    mesh: Mesh, height: float = 0.2, **changes: object
+) -> tuple[Overhangs, SupportPlan, Sections, Profile]:
+    """What the stage takes, of a part in the middle of the bed."""
+    profile = load_profile(quality="standard", changes={"support": "columns", **changes})
+    low, high = mesh.bounds
+    middle = np.array(profile.printer.corners).mean(axis=0)
+    mesh = mesh.moved((*(middle - (low + high)[:2] / 2), 0.0))
+    sections = cut(mesh, layers(round(mesh.height / height), height), 0.0125)
+    overhangs = find_overhangs(sections, classify(sections, lay_walls(sections, profile), profile), profile)
+    return overhangs, plan_support_layers(overhangs, profile), sections, profile
+
+
+def columns_of(mesh: Mesh, **changes: object) -> tuple[Supports, Sections, Profile]:
+    """Columns under a part."""
+    overhangs, plan, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
+    return lay_columns(overhangs, plan, sections, profile), sections, profile
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_columns_keep_their_distance_from_all_layers_beside_them(name: str) -> None:
+    supports, sections, profile = columns_of(PARTS[name]())
+    plan, gap = supports.plan.layers, profile.quality.support_xy_gap - 0.01
+
+    own, part = np.nonzero(
+        (plan.bottom[:, None] < sections.plan.top - 1e-6) & (plan.top[:, None] > sections.plan.bottom + 1e-6)
+    )
+    near = offset(sections.solid.copy_layers(part), gap)
+    assert intersection(supports.area.copy_layers(own), near).area().max() < 1e-3
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_no_column_reaches_into_the_gap_under_what_it_carries(name: str) -> None:
+    supports, sections, profile = columns_of(PARTS[name]())
+    plan, gap = supports.plan.layers, profile.quality.support_gap
+
+    own, part = np.nonzero(
+        (plan.top[:, None] > sections.plan.bottom - gap + 1e-6)
+        & (plan.bottom[:, None] < sections.plan.top + profile.quality.support_bottom_gap - 1e-6)
+    )
+    assert intersection(supports.area.copy_layers(own), sections.solid.copy_layers(part)).area().max() < 1e-3
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_areas_of_a_layer_do_not_overlap(name: str) -> None:
+    supports, _, _ = columns_of(PARTS[name]())
+
+    assert supports.area.area() == pytest.approx(normalize(supports.area).area(), abs=1e-3)
+
+
+def test_a_flat_overhang_gets_its_whole_area() -> None:
+    overhangs, plan, sections, profile = prepared(tee())
+    supports = lay_columns(overhangs, plan, sections, profile)
+
+    (layer,) = np.flatnonzero(overhangs.area.used)
+    top = supports.area.copy_layers(np.array([plan.carrier[layer]]))
+    bare = difference(
+        overhangs.area.copy_layers(np.array([layer])), offset(top, profile.quality.support_xy_gap)
+    )
+    assert bare.area().sum() < 0.01
+    assert supports.interface.area()[-1] == pytest.approx(top.area()[0], rel=0.01)
+
+
+def test_columns_go_down_to_the_bed_or_the_part() -> None:
+    supports, _, _ = columns_of(tee())
+    onto_part, _, _ = columns_of(bracket())
+
+    areas = supports.area
+    assert difference(areas, areas.shift_layers(1)).area()[1:].max() < 1e-3
+    assert not onto_part.area.used[0]
+    assert onto_part.floor.used.sum() == 1
+
+
+def test_on_bed_only_leaves_what_stands_on_the_part_and_tells_it() -> None:
+    supports, _, _ = columns_of(bracket(), support_on_bed_only=True)
+
+    assert difference(supports.area, supports.area.shift_layers(1)).area()[1:].max() < 1e-3
+    assert any("stand on the part" in place.reason for place in supports.bare)
+
+
+def test_a_support_outside_the_bed_is_told() -> None:
+    overhangs, plan, sections, profile = prepared(tee())
+    small = replace(profile, printer=replace(profile.printer, bed_x=130.0))
+    supports = lay_columns(overhangs, plan, sections, small)
+
+    assert any("outside the bed" in place.reason for place in supports.bare)
+    assert supports.area.xy[:, 0].max() <= small.printer.corners[1][0] + 1e-6
+
+
+def test_slim_columns_become_wider_towards_the_bed() -> None:
+    post = columns_of(hook())[0]
+    tall = PARTS["hook"]()
+    high = Mesh(tall.triangles * [1, 1, 4], "high")
+    slim = columns_of(high, height=0.32)[0]
+
+    def width(supports: Supports, z: float) -> float:
+        layer = int(np.searchsorted(supports.plan.layers.top, z))
+        return float(np.sqrt(supports.area.area()[layer]))
+
+    assert width(post, 1.0) == pytest.approx(width(post, 10.0), rel=0.05)
+    assert width(slim, 1.0) > 1.7 * width(slim, 57.0)
+
+
+def test_the_first_layer_has_a_foot() -> None:
+    plain = columns_of(tee(), support_foot=0)[0].area.area()
+    wide = columns_of(tee(), support_foot=3)[0].area.area()
+
+    assert plain[0] == pytest.approx(plain[1], rel=1e-3)
+    assert wide[0] > 1.5 * plain[0]
+    assert wide[1] == pytest.approx(plain[1], rel=1e-3)
+
+
+def test_without_interface_layers_all_is_base() -> None:
+    supports = columns_of(bracket(), support_interface_layers=0)[0]
+
+    assert not supports.interface.n_rings
+    assert not supports.floor.n_rings
+    assert isinstance(supports.base, Areas)
