@@ -344,7 +344,7 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
         "STYLE",
         is_advanced=False,
         value_if_omitted="auto",
-        meaning="supports under overhangs: auto, columns, tree or off; without STYLE: auto",
+        meaning="supports: auto (if no STYLE), columns, tree or off",
     ),
     "--brim": SettingOption(
         "quality.brim_width",

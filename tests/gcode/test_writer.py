@@ -302,7 +302,9 @@ def test_every_bead_has_the_type_and_width_announced_last(printer: str, relative
             assert wide == pytest.approx(width[i])
             types.add(kind)
 
-    assert types == set(TYPE_NAMES.values()) - {TYPE_NAMES[Role.RAFT]}  # which there is instead of a brim
+    # A raft would be instead of the brim, and supports are off.
+    absent = {TYPE_NAMES[role] for role in (Role.RAFT, Role.SUPPORT, Role.SUPPORT_INTERFACE)}
+    assert types == set(TYPE_NAMES.values()) - absent
 
 
 def test_types_and_widths_are_said_only_when_they_change() -> None:
