@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from printer_slicer.thumbnails import (
+from printer_slicer.rendering import (
     Picture,
     _downscale,
     _halve,
@@ -18,10 +18,10 @@ from printer_slicer.thumbnails import (
     _project,
     _rasterize_facets,
     _render_large,
-    _render_pictures,
     _scale_to_fit,
-    render,
+    render_facets,
 )
+from printer_slicer.thumbnails import _list_facets, render
 from tests.parts import box, joined, sphere
 
 
@@ -93,22 +93,22 @@ def test_place_size_and_order_of_facets_do_not_matter(
 
 
 def test_pictures_of_several_sizes_show_the_same() -> None:
-    large, small = _render_pictures(sphere(10).triangles, [(200, 200), (50, 50)])
+    large, small = render_facets(_list_facets(sphere(10)), [(200, 200), (50, 50)])
     means = large.reshape(50, 4, 50, 4, 4).mean(axis=(1, 3))
     solid = small[..., 3] == 255
 
     assert np.abs(means - small)[solid].mean() < 4
-    assert _render_pictures(sphere(10).triangles, []) == []
+    assert render_facets(_list_facets(sphere(10)), []) == []
 
 
 @given(st.tuples(*[st.integers(1, 90)] * 2), st.tuples(*[st.integers(1, 30)] * 3))
 def test_half_the_scale_is_the_mean_of_the_pixels_below(
     size: tuple[int, int], part: tuple[float, float, float]
 ) -> None:
-    triangles = box(part).triangles
-    low, extent = _measure_projected_extent(triangles)
+    facets = _list_facets(box(part))
+    low, extent = _measure_projected_extent(facets)
     scale = _scale_to_fit(extent, *size)
-    large = _render_large(triangles, low, extent, 2 * scale)
+    large = _render_large(facets, low, extent, 2 * scale)
 
     assert np.abs(_halve(large, extent, size).colours - _downscale(large, extent, scale, size)).max() < 0.1
 

@@ -14,7 +14,15 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.roles import ROLES, Role
 
-__all__ = ["CALM", "ROLE_COLOURS", "WARNING", "choose_height_colours", "darken", "mix_colours"]
+__all__ = [
+    "CALM",
+    "ROLE_COLOURS",
+    "WARNING",
+    "choose_height_colours",
+    "darken",
+    "mix_colours",
+    "parse_colour",
+]
 
 CALM: Final = "#5b8fb0"  # for pictures with a single colour
 WARNING: Final = "#d55e00"
@@ -29,7 +37,7 @@ _VIRIDIS: Final = (
 _MIDDLE, _MAX_REACH, _MIN_REACH, _MANY_HEIGHTS = 0.53, 0.37, 0.29, 6
 
 
-def _parse_colour(colour: str) -> Float:
+def parse_colour(colour: str) -> Float:
     """Return red, green and blue (3,) of a colour "#rrggbb"."""
     return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.float64)
 
@@ -53,7 +61,7 @@ def choose_height_colours(heights: Float) -> list[str]:
     share = (values - values[0]) / (values[-1] - values[0]) / 2 + np.linspace(0, 0.5, len(values))
     reach = float(np.interp(len(values), [2, _MANY_HEIGHTS], [_MIN_REACH, _MAX_REACH]))
     place = (_MIDDLE + reach * (2 * share - 1)) * (len(_VIRIDIS) - 1)
-    stops = np.array([_parse_colour(colour) for colour in _VIRIDIS])
+    stops = np.array([parse_colour(colour) for colour in _VIRIDIS])
     table = np.column_stack([np.interp(place, np.arange(len(stops)), column) for column in stops.T])
     names = [_format_colour(row) for row in table]
     return [names[i] for i in which.ravel().tolist()]
@@ -61,9 +69,9 @@ def choose_height_colours(heights: Float) -> list[str]:
 
 def darken(colour: str, light: float) -> str:
     """Darken a colour: `light` 1 keeps it, 0 makes it black."""
-    return _format_colour(_parse_colour(colour) * light)
+    return _format_colour(parse_colour(colour) * light)
 
 
 def mix_colours(colour: str, other: str, share: float) -> str:
     """Mix two colours; `share` is the fraction of `other`, from 0 to 1."""
-    return _format_colour(_parse_colour(colour) * (1 - share) + _parse_colour(other) * share)
+    return _format_colour(parse_colour(colour) * (1 - share) + parse_colour(other) * share)

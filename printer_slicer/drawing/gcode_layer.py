@@ -10,18 +10,23 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Shape, Strokes, Text, estimate_text_width
-from printer_slicer.drawing.colours import ROLE_COLOURS, darken, mix_colours
+from printer_slicer.drawing.colours import darken
+from printer_slicer.drawing.extrusion_kinds import (
+    EDGE_BRIGHTNESS,
+    TRAVEL_COLOUR,
+    TRAVEL_DASH,
+    draw_legend,
+    find_kinds,
+)
 from printer_slicer.drawing.frame import choose_axis_marks
 from printer_slicer.geometry import Areas, intersection
 from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
-from printer_slicer.inspection.deposition.marks import Purpose
-from printer_slicer.roles import Role
 from printer_slicer.values import Struct
 
 __all__ = ["View", "draw_gcode_layer"]
 
 _BORDER: Final = 1.0  # mm around the drawn extrusions
-_SIDE, _TITLE, _ROW, _FOOT = 12, 34, 24, 44  # px
+_SIDE, _TITLE, _FOOT = 12, 34, 44  # px
 _LETTERS: Final = 15  # px
 _NARROWEST: Final = 360  # px
 _EDGE: Final = (
@@ -29,26 +34,8 @@ _EDGE: Final = (
 )
 _WIDEST_EDGE: Final = 1.2  # px
 _STEP: Final = 0.2  # px; widths that differ by less are drawn as one
-_INK, _TRAVEL, _EMPTY, _OUTLINE, _PAPER = "#222222", "#c2188b", "#ffe3d0", "#000000", "#ffffff"
+_INK, _EMPTY, _OUTLINE, _PAPER = "#222222", "#ffe3d0", "#000000", "#ffffff"
 _CLIP_MARGIN: Final = 4.0  # px outside the drawing at which the section is clipped
-_DASH: Final = (4.0, 3.0)  # px
-_COLOURS: Final = {
-    Purpose.EXTERNAL_PERIMETER: ROLE_COLOURS[Role.EXTERNAL_PERIMETER],
-    Purpose.PERIMETER: ROLE_COLOURS[Role.PERIMETER],
-    Purpose.OVERHANG_PERIMETER: ROLE_COLOURS[Role.OVERHANG_PERIMETER],
-    Purpose.SOLID_INFILL: ROLE_COLOURS[Role.SOLID_INFILL],
-    Purpose.BRIDGE: ROLE_COLOURS[Role.BRIDGE],
-    Purpose.INTERNAL_INFILL: ROLE_COLOURS[Role.INTERNAL_INFILL],
-    Purpose.GAP_FILL: "#cc79a7",
-    Purpose.IRONING: ROLE_COLOURS[Role.IRONING],
-    Purpose.SUPPORT_MATERIAL: ROLE_COLOURS[Role.RAFT],
-    Purpose.SKIRT: ROLE_COLOURS[Role.SKIRT],
-    Purpose.CUSTOM: ROLE_COLOURS[Role.SKIRT],
-    Purpose.TOP_SOLID_INFILL: ROLE_COLOURS[Role.TOP_SOLID_INFILL],
-}
-_OTHER_COLOUR: Final = "#4477aa"
-_LIGHT: Final = 0.25  # fraction of white in the colours, so that dark colours keep a visible edge
-_DARK: Final = 0.5  # brightness of edges
 
 
 class View(Struct, frozen=True, eq=False):
@@ -129,7 +116,7 @@ def draw_gcode_layer(layer: LayerExtrusions, title: str, view: View = View()) ->
     scale = view.pixels / float((high - low).max())
     across = float((high - low)[0]) * scale
     wide = round(max(across, _NARROWEST, estimate_text_width(heading, _LETTERS)) + 2 * _SIDE)
-    legend, rows = _draw_legend(_list_legend_entries(layer, view, _Frame(low, high, 0.0, 0.0, scale)), wide)
+    legend, rows = draw_legend(_list_legend_entries(layer, view, _Frame(low, high, 0.0, 0.0, scale)), wide)
     frame = _Frame(low, high, (wide - across) / 2, _TITLE + rows, scale)
     tall = round(frame.top + frame.size[1] + _FOOT)
     shapes = [
@@ -179,29 +166,12 @@ def _clip_section(view: View, frame: _Frame) -> list[Float]:
 # Beads
 
 
-def _find_kinds(layer: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
-    """Return the kind (B,) of each extrusion, and the name and colour of each kind.
-
-    A kind is one role name of the file; all names of one role share its colour.
-    """
-    pairs = np.stack([layer.name, layer.beads.purpose], axis=1)
-    kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
-    result = []
-    for index, purpose in kinds.tolist():
-        name = layer.names[index] or Purpose(purpose).label
-        colour = _COLOURS.get(Purpose(purpose), _OTHER_COLOUR)
-        name = name.replace("_", " ")
-        name = name.capitalize() if name.isupper() else name[:1].upper() + name[1:]
-        result.append((name, mix_colours(colour, "#ffffff", _LIGHT)))
-    return kind.ravel(), result
-
-
 def _draw_paths(layer: LayerExtrusions, frame: _Frame) -> Iterator[Shape]:
     """Draw every path: first the edges of all its extrusions, then the inner parts."""
     lines, seen = _find_visible_lines(layer, frame)
     if not len(seen):
         return
-    kind, kinds = _find_kinds(layer)
+    kind, kinds = find_kinds(layer)
     kind = kind[seen]
     steps = np.maximum(np.rint(layer.beads.width[seen] * frame.scale / _STEP), 1).astype(np.int64)
     path, run = _find_starts(lines, kind, steps)
@@ -215,7 +185,7 @@ def _draw_paths(layer: LayerExtrusions, frame: _Frame) -> Iterator[Shape]:
         name, colour = kinds[kind[run[first]]]
         visible, wide = tuple(polylines[first:last]), widths[first:last]
         inner = tuple(width - 2 * min(_EDGE * width, _WIDEST_EDGE) for width in wide)
-        yield Strokes(visible, tuple(wide), darken(colour, _DARK), "edge")
+        yield Strokes(visible, tuple(wide), darken(colour, EDGE_BRIGHTNESS), "edge")
         yield Strokes(visible, inner, colour, _make_svg_class(name))
 
 
@@ -252,7 +222,7 @@ def _draw_travels(travel: Float, frame: _Frame) -> Iterator[Shape]:
     first = np.flatnonzero(np.append(True, (visible[1:, 0] != visible[:-1, 1]).any(axis=1)))
     for begin, end in pairwise([*first.tolist(), len(visible)]):
         points = np.concatenate([places[begin : begin + 1, 0], places[begin:end, 1]])
-        yield Line(points, _TRAVEL, 1.2, _DASH, name="travel")
+        yield Line(points, TRAVEL_COLOUR, 1.2, TRAVEL_DASH, name="travel")
 
 
 def _draw_margins(frame: _Frame, wide: float, tall: float) -> Iterator[Shape]:
@@ -266,30 +236,11 @@ def _draw_margins(frame: _Frame, wide: float, tall: float) -> Iterator[Shape]:
 
 def _list_legend_entries(layer: LayerExtrusions, view: View, frame: _Frame) -> list[tuple[str, str]]:
     """Return the names and colours in the legend."""
-    kind, kinds = _find_kinds(layer)
+    kind, kinds = find_kinds(layer)
     found = [kinds[i] for i in np.unique(kind[_find_visible_lines(layer, frame)[1]]).tolist()]
     has_travel = view.travel and len(frame.clip(layer.travel, 0.0)[1])
-    found += [("Travel", _TRAVEL)] if has_travel else []
+    found += [("Travel", TRAVEL_COLOUR)] if has_travel else []
     return found + ([("Section without extrusion", _EMPTY)] if len(view.section) else [])
-
-
-def _draw_legend(entries: Sequence[tuple[str, str]], wide: float) -> tuple[list[Shape], float]:
-    """Draw the legend in rows under the title; return its shapes and its height, px."""
-    shapes: list[Shape] = []
-    x, y = float(_SIDE), float(_TITLE)
-    for name, colour in entries:
-        needed = 36 + estimate_text_width(name, _LETTERS)
-        if x + needed > wide and x > _SIDE:
-            x, y = float(_SIDE), y + _ROW
-        if colour == _TRAVEL:
-            shapes.append(
-                Line(np.array([(x, y + 8.0), (x + 18, y + 8.0)]), colour, 1.2, _DASH, name="legend")
-            )
-        else:
-            shapes.append(Box(x, y + 1, 18, 14, colour, darken(colour, _DARK), name="legend"))
-        shapes.append(Text(x + 24, y + 13, name, _LETTERS))
-        x += needed
-    return shapes, (y + _ROW - _TITLE + 6 if entries else 0.0)
 
 
 def _draw_scale_bar(frame: _Frame) -> Iterator[Shape]:

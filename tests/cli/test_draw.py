@@ -231,3 +231,26 @@ def test_the_layer_of_a_finding_is_found_in_a_file_without_layer_comments(tmp_pa
 
     assert "layer 2 of 2" in done.out
     assert "the layer with the most findings" in done.out
+
+
+def test_layers_are_drawn_in_3d_up_to_the_one_that_is_named(gcode: Path, tmp_path: Path) -> None:
+    whole, some = tmp_path / "whole.png", tmp_path / "some.svg"
+    first, *beads = typed("draw", gcode, "--3d", "-o", whole, "--pixels", 200).out.splitlines()
+    told = json.loads(typed("draw", gcode, "--3d", "--layer", 5, "-o", some, "--json").out)
+
+    assert first == f"{whole}: layers 1 to 34 of 34, z 10 mm"
+    assert any(line.strip().startswith("Top solid infill") for line in beads)
+    assert whole.read_bytes().startswith(b"\x89PNG")
+    assert texts(some)[0] == "box.gcode: layers 1 to 5 of 34, 1.4 mm high"
+    assert told["in_3d"]
+    assert told["layer"] == 5
+
+
+@pytest.mark.parametrize("option", [("--travel",), ("--box", "0,0,10,10"), ("--model", BOX)])
+def test_options_of_one_layer_do_not_apply_in_3d(
+    gcode: Path, tmp_path: Path, option: tuple[object, ...]
+) -> None:
+    done = typed("draw", gcode, "--3d", "-o", tmp_path / "a.svg", *option)
+
+    assert done.code == 2
+    assert is_message(done, option[0], "--3d")

@@ -1,4 +1,4 @@
-"""`draw`: draw a layer of any slicer's G-code."""
+"""`draw`: draw a layer of any slicer's G-code, or its layers in 3D."""
 
 from __future__ import annotations
 
@@ -27,8 +27,10 @@ from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
 
 if TYPE_CHECKING:
+    from printer_slicer.arrays import Float
     from printer_slicer.cli.output import StageReport
     from printer_slicer.diagnostics import Diagnostic
+    from printer_slicer.drawing import Picture
     from printer_slicer.geometry import Areas
     from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions
     from printer_slicer.inspection.coverage.layer_extrusions import FileLayers, LayerExtrusions
@@ -41,6 +43,7 @@ EXAMPLES: Final = """\
   printer-slicer draw part.gcode                       the layer with most findings, as part.svg
   printer-slicer draw part.gcode --layer 12 -o layer.svg
   printer-slicer draw part.gcode --z 2.4 --travel -o layer.png --pixels 2000
+  printer-slicer draw part.gcode --3d -o part.png      all layers, seen from the front right and above
   printer-slicer draw part.gcode --layer 12 --box 100,100,110,108 -o corner.svg
   printer-slicer draw part.gcode --layer 12 --model part.stl -o layer.svg    with the section's outline"""
 _MIN_MATCH = 0.5  # share of the external perimeters; a smaller match means that the model is another part
@@ -68,6 +71,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--z", metavar="MM", type=parse_height, help="draw the layer that contains this height"
     )
     parser.add_argument(
+        "--3d",
+        dest="in_3d",
+        action="store_true",
+        help="draw all layers in 3D; with --layer or --z, the layers up to this one",
+    )
+    parser.add_argument(
         "--box", metavar="X0,Y0,X1,Y1", type=parse_box, help="draw only this rectangle of the bed, in mm"
     )
     parser.add_argument("--travel", action="store_true", help="also draw travel moves")
@@ -92,12 +101,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Draw one layer of a G-code file, and print its extrusions."""
+    """Draw one layer of a G-code file, or its layers in 3D, and print the extrusions."""
     from printer_slicer.commands import read_text
-    from printer_slicer.drawing import View, draw_gcode_layer, encode_picture
+    from printer_slicer.drawing import encode_picture
     from printer_slicer.inspection.coverage.layer_extrusions import extrusions_of_layer, file_layers_of
     from printer_slicer.inspection.coverage.model_check import read_gcode_extrusions
 
+    _reject_options_of_other_view(arguments)
     reject_options_without_model(arguments)
     reject_non_gcode(arguments.gcode)
     arguments.output = arguments.output or _choose_default_output(arguments.gcode)
@@ -110,13 +120,11 @@ def run(arguments: argparse.Namespace) -> int:
         stack, sections, match = _match_model(arguments, deposit, stack, report)
         levels = file_layers_of(deposit, stack)
         number, why = _choose_layer(arguments, levels, report)
-        sheet = extrusions_of_layer(deposit, levels, number)
+        sheet = extrusions_of_layer(deposit, levels, number, with_lower=arguments.in_3d)
         own = int(levels.of_stack[sheet.number])
         rings = list(sections.rings(own)) if sections is not None and own >= 0 else []
-        view = View(arguments.box, arguments.pixels, arguments.travel, rings)
-        _check_box(arguments, sheet)
         report("drawing")
-        picture = draw_gcode_layer(sheet, sanitize(arguments.gcode.name), view)
+        picture = _draw(arguments, sheet, rings)
         write_file(arguments.output, encode_picture(picture, arguments.output))
     facts = _collect_layer_facts(arguments, sheet, match)
     if arguments.json:
@@ -124,6 +132,34 @@ def run(arguments: argparse.Namespace) -> int:
     elif str(arguments.output) != "-":
         print_text(arguments, "\n  ".join([*_format_facts(facts), *([why] if why else [])]))
     return 0
+
+
+def _reject_options_of_other_view(arguments: argparse.Namespace) -> None:
+    """Reject options that have no effect on a drawing in 3D.
+
+    Raises:
+        UsageError: such an option is given with --3d.
+    """
+    given = {"--box": arguments.box, "--travel": arguments.travel, "--model": arguments.models}
+    for flag in [flag for flag, value in given.items() if value and arguments.in_3d]:
+        raise UsageError(
+            f"{flag}: does not apply to a drawing in 3D", remedy=f"Leave out {flag}, or leave out --3d"
+        )
+
+
+def _draw(arguments: argparse.Namespace, sheet: LayerExtrusions, rings: list[Float]) -> Picture:
+    """Draw the extrusions; `rings` are those of the model's section.
+
+    Raises:
+        UsageError: --box contains no extrusions.
+    """
+    from printer_slicer.drawing import View, draw_gcode_layer, draw_gcode_layers_3d
+
+    title = sanitize(arguments.gcode.name)
+    if arguments.in_3d:
+        return draw_gcode_layers_3d(sheet, title, arguments.pixels)
+    _check_box(arguments, sheet)
+    return draw_gcode_layer(sheet, title, View(arguments.box, arguments.pixels, arguments.travel, rings))
 
 
 def _choose_default_output(gcode: Path) -> Path:
@@ -181,6 +217,8 @@ def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: Sta
     Raises:
         UsageError: the file has no such layer.
     """
+    if arguments.in_3d and arguments.z is None and arguments.layer is None:
+        return levels.n_layers - 1, ""
     if arguments.z is not None or arguments.layer is not None:
         return _find_requested_layer(arguments, levels), ""
     report("checking")
@@ -278,7 +316,10 @@ def _check_box(arguments: argparse.Namespace, sheet: LayerExtrusions) -> None:
 def _collect_layer_facts(
     arguments: argparse.Namespace, sheet: LayerExtrusions, match: Match | None
 ) -> dict[str, Any]:
-    """Return the facts about the layer for JSON: lengths in mm, volumes in mm³, layers counted from 1."""
+    """Return the facts about the drawn layer, or layers, for JSON.
+
+    Lengths are in mm, volumes in mm³; layers are counted from 1.
+    """
     import numpy as np
 
     return {
@@ -286,6 +327,7 @@ def _collect_layer_facts(
         "file": str(arguments.gcode),
         "layer": sheet.number + 1,
         "layers": sheet.count,
+        "in_3d": arguments.in_3d,
         "z": round(sheet.top, _DECIMALS),
         "height": round(sheet.height, _DECIMALS),
         "extrusions": list(_list_extrusion_facts(sheet)),
@@ -315,8 +357,11 @@ def _list_extrusion_facts(sheet: LayerExtrusions) -> Iterator[dict[str, Any]]:
 
 def _format_facts(facts: dict[str, Any]) -> Iterator[str]:
     """Format the facts about the layer as sentences."""
-    where = f"layer {facts['layer']} of {facts['layers']}, z {facts['z']:g} mm, {facts['height']:g} mm high"
-    yield f"{facts['output']}: {where}"
+    where = f"{facts['layer']} of {facts['layers']}, z {facts['z']:g} mm"
+    if facts["in_3d"]:
+        yield f"{facts['output']}: layers 1 to {where}"
+    else:
+        yield f"{facts['output']}: layer {where}, {facts['height']:g} mm high"
     for one in facts["extrusions"]:
         low, high = (f"{width:.2f}" for width in one["width"])
         wide = low if low == high else f"{low} to {high}"

@@ -63,12 +63,12 @@ class FileLayers(Struct, frozen=True, eq=False):
 
 
 class LayerExtrusions(Struct, frozen=True, eq=False):
-    """The extrusions of one layer, in printing order.
+    """The extrusions of one layer, or of all up to one, in printing order.
 
     Attributes:
-        number: index of the layer, from 0.
+        number: index of the layer, from 0; the last one of several.
         count: number of layers in the file.
-        top, height: mm.
+        top, height: of this layer, mm.
         beads: with their heights.
         name: (B,) role name in the file, as an index into `names`.
         names: role names of the file; empty for extrusions without one.
@@ -126,20 +126,24 @@ def _find_unknown_heights(z: Float, known: Float) -> Float:
     return np.asarray(values[np.abs(values[:, None] - known).min(axis=1) > 2 * _SAME_HEIGHT])
 
 
-def extrusions_of_layer(gcode: GcodeExtrusions, file_layers: FileLayers, number: int) -> LayerExtrusions:
+def extrusions_of_layer(
+    gcode: GcodeExtrusions, file_layers: FileLayers, number: int, *, with_lower: bool = False
+) -> LayerExtrusions:
     """Return the extrusions of one layer.
 
     Args:
         gcode: extrusions of the file.
         file_layers: layers of the file.
         number: index of the layer, from 0.
+        with_lower: also return the extrusions of all layers below it.
 
     Raises:
         ValueError: there is no such layer.
     """
     if not 0 <= number < file_layers.n_layers:
         raise ValueError(f"layer {number} is not in the file, which has {file_layers.n_layers} layers")
-    selected: Bool = file_layers.level == number
+    level = file_layers.level
+    selected: Bool = (level >= 0) & (level <= number) if with_lower else level == number
     leads_to_selected = np.append(selected, False)[gcode.before]
     return LayerExtrusions(
         number=number,
