@@ -97,6 +97,13 @@ def bridge() -> Mesh:
     return _mesh("bridge", _extruded(outline, facets, 10.0))
 
 
+def tee() -> Mesh:
+    """Stem 10 x 10 x 30 with a bar 50 x 10 x 4 on it: an arm of 20 hangs on either side."""
+    outline = [(20, 0), (30, 0), (30, 30), (50, 30), (50, 34), (0, 34), (0, 30), (20, 30)]
+    facets = [(0, 1, 2), (0, 2, 7), (2, 3, 4), (2, 4, 5), (2, 5, 7), (5, 6, 7)]
+    return _mesh("tee", _extruded(outline, facets, 10.0))
+
+
 def vase() -> Mesh:
     """Twisted body with five lobes: r = (16 + 4 sin 2πu) (1 + 0.12 cos(5θ + πu)), u = z / 60.
 
@@ -125,6 +132,7 @@ PARTS: Final[Mapping[str, Callable[[], Mesh]]] = {
     "sheared_prism": sheared_prism,
     "thin_wall": thin_wall,
     "bridge": bridge,
+    "tee": tee,
     "vase": vase,
 }
 

@@ -47,7 +47,7 @@ EXAMPLES: Final = """\
   printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
   printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
-_UNSUPPORTED_REMEDY = "rotate the part, add supports to the model, or print it with --allow unsupported"
+_UNSUPPORTED_REMEDY = "rotate the part, print supports with --supports, or accept it with --allow unsupported"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -323,7 +323,7 @@ def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> Non
     if found:
         raise PartError(
             f"{name}: {describe_unsupported(found)}",
-            remedy="Rotate the part, add supports to the model, or use --allow unsupported; without --strict, "
+            remedy="Rotate the part, print supports with --supports, or use --allow unsupported; without --strict, "
             "unsupported extrusion causes only a warning",
         )
 
