@@ -10,7 +10,7 @@ from printer_slicer.arrays import Int
 from printer_slicer.combine_perimeters import combine_perimeters
 from printer_slicer.compensation import compensate
 from printer_slicer.errors import PartError, UsageError
-from printer_slicer.geometry import Areas, difference, union
+from printer_slicer.geometry import difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
@@ -21,7 +21,7 @@ from printer_slicer.slicing import cut
 from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
 
-__all__ = ["cut_objects", "fill_layers", "make_object_paths", "split_objects", "stack_sections"]
+__all__ = ["cut_objects", "make_object_paths", "split_objects"]
 
 
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
@@ -151,46 +151,6 @@ def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:
         plan = LayerPlan.union([taken.plan, one.plan])
         taken = replace(taken, plan=plan, solid=union(taken.solid_at(plan), one.solid_at(plan)))
     return result
-
-
-def stack_sections(sections: Sequence[Sections]) -> Sections:
-    """Combine the sections of all objects on the union of their layers."""
-    if len(sections) == 1:
-        return sections[0]
-    plan = LayerPlan.union([one.plan for one in sections])
-    gaps = sorted((gap for one in sections for gap in one.gaps), key=lambda gap: -gap.width)
-    turned = [
-        one.inverted.on_layers(plan.find_tops(one.plan.top), plan.n_layers)
-        for one in sections
-        if one.inverted
-    ]
-    solid = sections[0].solid_at(plan)
-    for one in sections[1:]:
-        solid = union(solid, one.solid_at(plan))
-    return Sections(
-        plan,
-        solid,
-        sum(one.open_edges for one in sections),
-        tuple(gaps),
-        Areas.merged(turned) if turned else None,
-    )
-
-
-def fill_layers(sections: Sequence[Sections]) -> Sections:
-    """Combine the sections of all objects so that each layer has what is solid between its top and the one below.
-
-    In contrast to `stack_sections`, layers do not overlap, and a thick layer of one object appears in all layers that
-    another object has at its height.
-    """
-    plan = LayerPlan.union([one.plan for one in sections])
-    if all(one.plan.n_layers == plan.n_layers for one in sections):
-        return stack_sections(sections)
-    solid = Areas.empty(plan.n_layers)
-    for one in sections:
-        layer = one.plan.find_tops(plan.top)
-        within = np.flatnonzero(layer < one.plan.n_layers)
-        solid = union(solid, one.solid.copy_layers(layer[within]).on_layers(within, plan.n_layers))
-    return Sections(LayerPlan.from_tops(plan.top), solid)
 
 
 def make_object_paths(

@@ -24,19 +24,21 @@ from printer_slicer.model import (
     Overhangs,
     Program,
     Regions,
+    Repairs,
     Sections,
     Supports,
     Toolpaths,
     Volumes,
     Walls,
-)
-from printer_slicer.objects import (
-    cut_objects,
-    fill_layers,
-    make_object_paths,
-    split_objects,
     stack_sections,
 )
+from printer_slicer.object_supports import (
+    ObjectOverhangs,
+    find_object_overhangs,
+    has_supports,
+    make_object_supports,
+)
+from printer_slicer.objects import cut_objects, make_object_paths, split_objects
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
@@ -44,10 +46,9 @@ from printer_slicer.profile import Profile
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.roles import roles_with
-from printer_slicer.slicing import cut_volumes, list_section_repairs
+from printer_slicer.slicing import list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
-from printer_slicer.supports import find_overhangs
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
@@ -149,7 +150,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     return replace(stages, repairs=repairs, shift=shift)
 
 
-def slice_planned(
+def slice_planned(  # noqa: PLR0913 - all options have defaults
     part: Mesh,
     plan: LayerPlan | Sequence[LayerPlan],
     profile: Profile,
@@ -157,14 +158,16 @@ def slice_planned(
     strategies: Strategies = BUILT_IN,
     *,
     keep: bool = True,
+    trial: bool = False,
 ) -> Stages:
     """Slice a placed part with a given layer plan; arguments and errors are those of `slice_stages`.
 
-    Without `keep`, paths and areas are released as soon as the next stage has used them, see `slice_for_output`.
+    Without `keep`, paths and areas are released as soon as the next stage has used them, see `slice_for_output`. A
+    `trial` only needs the moves, so overhangs are not searched for in objects without supports.
     """
     profile = apply_spiral_settings(profile)
-    made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep)
-    solid, walls, regions, overhangs, supports = made
+    made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep, trial=trial)
+    solid, walls, regions, found, supports = made
     report("ordering")
     printed = _stand_on_raft(paths, (solid, supports), profile)
     toolpaths = order(paths.pop(), printed, profile)
@@ -187,8 +190,17 @@ def slice_planned(
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan)
-    made_later = toolpaths, travels, program, link, labels
-    return Stages(part, solid, walls, regions, *made_later, overhangs=overhangs, supports=supports)
+    made_later = toolpaths, travels, program, link, labels, Repairs()
+    return Stages(part, solid, walls, regions, *made_later, *_join_overhangs(found), supports)
+
+
+def _join_overhangs(found: Sequence[ObjectOverhangs]) -> tuple[Overhangs | None, Overhangs | None]:
+    """Return what hangs in all objects, and in those without supports; None if there are no such objects."""
+    without = [one for one in found if not has_supports(one.profile)]
+    every, bare = (
+        Overhangs.joined([one.overhangs for one in some]) if some else None for some in (found, without)
+    )
+    return every, bare
 
 
 def _stand_on_raft(
@@ -208,7 +220,7 @@ def _stand_on_raft(
     return printed
 
 
-def _make_paths(
+def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     part: Mesh,
     plan: LayerPlan | Sequence[LayerPlan],
     profile: Profile,
@@ -216,12 +228,15 @@ def _make_paths(
     strategies: Strategies,
     *,
     keep: bool,
-) -> tuple[tuple[Sections, Walls, Regions, Overhangs, Supports | None], list[Toolpaths], list[Profile]]:
+    trial: bool,
+) -> tuple[
+    tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None], list[Toolpaths], list[Profile]
+]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
-    overhangs = _find_overhangs(part, sections, regions, own)
-    supports, support_paths = _make_supports(overhangs, sections, regions, own, report)
+    found = find_object_overhangs(part, sections, regions, own, only_supported=trial)
+    supports, support_paths = make_object_supports(found, sections, regions, report)
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill
@@ -233,41 +248,10 @@ def _make_paths(
         stack_sections(sections),
         Walls.joined(walls),
         Regions.joined(regions),
-        Overhangs.joined(overhangs),
+        found,
         supports,
     )
     return made, [*paths, *support_paths], profiles
-
-
-def _make_supports(
-    overhangs: Sequence[Overhangs],
-    sections: Sequence[Sections],
-    regions: list[Regions],
-    own: Sequence[Profile],
-    report: Report,
-) -> tuple[Supports | None, list[Toolpaths]]:
-    """Return the supports of all objects that have them, and their paths; change `regions` that lie on supports.
-
-    They avoid all objects. If objects have different settings of supports, those of the first one apply.
-    """
-    which = [
-        index
-        for index, profile in enumerate(own)
-        if profile.quality.support != "off" and not profile.quality.spiral
-    ]
-    if not which or not any(overhangs[index].area.n_rings for index in which):
-        return None, []
-    from printer_slicer.supports.carried_bridges import replace_carried_bridges  # noqa: PLC0415
-    from printer_slicer.supports.styles import make_supports  # noqa: PLC0415 - most parts have no supports
-
-    report("supports")
-    found = Overhangs.joined([overhangs[index] for index in which])
-    supports, paths = make_supports(found, fill_layers(sections), own[which[0]])
-    for index in which:
-        hanging = overhangs[index]
-        carrier = supports.plan.carrier[found.plan.find_tops(hanging.plan.top)]
-        regions[index] = replace_carried_bridges(regions[index], hanging.area.of_layers(carrier >= 0))
-    return supports, [paths] if paths.n_paths else []
 
 
 def _cut(
@@ -317,33 +301,14 @@ def overhangs(
     plan = plan_part(part, profile) if plan is None else plan
     sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
-    return Overhangs.joined(_find_overhangs(part, sections, regions, own, always_steer=True))
-
-
-def _find_overhangs(
-    part: Mesh,
-    sections: Sequence[Sections],
-    regions: Sequence[Regions],
-    own: Sequence[Profile],
-    *,
-    always_steer: bool = False,
-) -> list[Overhangs]:
-    """Return what hangs in each object; volumes of the part apply to objects with supports, or to all objects."""
-    found = []
-    for solid, area, profile in zip(sections, regions, own, strict=True):
-        overhangs = find_overhangs(solid, area, profile)
-        if part.volumes and (always_steer or profile.quality.support != "off"):
-            from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
-
-            overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), profile.quality)
-        found.append(overhangs)
-    return found
+    found = find_object_overhangs(part, sections, regions, own, always_steer=True)
+    return Overhangs.joined([one.overhangs for one in found])
 
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> LayerPlan:
     """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
-    return choose_plan(part, profile, strategies, partial(slice_planned, keep=False))
+    return choose_plan(part, profile, strategies, partial(slice_planned, keep=False, trial=True))
 
 
 def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:

@@ -85,6 +85,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
         labels: the object of each move; None if the part is a single object.
         repairs: repairs of the mesh, in coordinates of the given mesh.
         overhangs: the areas that need supports, whether or not supports are printed; None if not searched for.
+        overhangs_without_supports: those of objects that have no supports; None if all have supports.
         supports: the areas of supports, on layers of their own below the raft's lift; None without supports.
         shift: (3,) vector from the placed part to the mesh as it was given, mm.
     """
@@ -100,6 +101,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
     labels: Labels | None = None
     repairs: Repairs = field(default_factory=Repairs)
     overhangs: Overhangs | None = None
+    overhangs_without_supports: Overhangs | None = None
     supports: Supports | None = None
     shift: Float = field(default_factory=lambda: np.zeros(3))
 

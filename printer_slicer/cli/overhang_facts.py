@@ -18,7 +18,7 @@ _MOST_PLACES: Final = 3  # places of each kind that are listed
 
 
 def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
-    """Return the overhangs of a part without supports, for JSON; None if there are none, or if it has supports.
+    """Return the overhangs of objects without supports, for JSON; None if there are none.
 
     Positions are those after scaling and rotating, not those on the bed.
 
@@ -26,8 +26,8 @@ def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] |
         stages: the sliced part.
         profile: the profile used for slicing.
     """
-    found = stages.overhangs
-    if stages.supports is not None or found is None or not found.area.n_rings:
+    found = stages.overhangs_without_supports
+    if found is None or not found.area.n_rings:
         return None
     islands = split_connected(found.islands)
     order = np.argsort(found.ring_patch, kind="stable")

@@ -18,6 +18,7 @@ from printer_slicer.texts import format_count, format_duration, format_significa
 __all__ = ["collect_support_facts", "format_support_sentences"]
 
 _MOST_PLACES: Final = 3  # places without support that are listed
+_LEAST_COLUMN: Final = 0.1  # mm² in all layers; less is rounding
 _LANDING_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
 
 
@@ -38,17 +39,26 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
     volume = filament * np.pi / 4 * profile.material.filament_diameter**2
     area = supports.area
     return {
-        "style": "tree" if len(supports.branches) else "columns",
+        "style": _name_style(supports),
         "layers": supports.plan.layers.n_layers,
         "filament_g": round(volume / 1000 * profile.material.density, 3),
         "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
         "on_bed_mm2": round(float(area.area()[:1].sum()), 3),
         "on_part_mm2": round(_measure_landings(supports, area, stages.sections), 3),
-        "largest_gap_error_mm": round(_measure_gap_error(stages, supports, profile), 6),
+        "largest_gap_error_mm": round(supports.plan.flat_gap_error, 6),
         "bare_mm2": round(sum(place.area for place in supports.bare), 3),
         "bare_islands": sum(place.is_island for place in supports.bare),
         "bare": _list_largest(supports.bare, stages),
     }
+
+
+def _name_style(supports: Supports) -> str:
+    """Return the styles of the supports: `columns`, `tree`, or both."""
+    if not len(supports.branches):
+        return "columns"
+    columns = supports.base.of_layers(np.arange(1, supports.base.n_layers)).area().sum()
+    is_mixed = columns - supports.hollow.area().sum() > _LEAST_COLUMN
+    return "columns and tree" if is_mixed else "tree"
 
 
 def _mark_supports(program: Program) -> Bool:
@@ -64,13 +74,6 @@ def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:
     below = np.searchsorted(part.plan.top, supports.plan.layers.bottom - _LANDING_DEPTH)
     begins = difference(area.of_layers(np.arange(1, area.n_layers)), area.shift_layers(1))
     return float(intersection(begins, part.solid.copy_layers(below)).area().sum())
-
-
-def _measure_gap_error(stages: Stages, supports: Supports, profile: Profile) -> float:
-    """Return the largest difference between the gap under horizontal surfaces and the setting, mm."""
-    flat = stages.overhangs.is_flat if stages.overhangs else np.zeros(0, np.bool_)
-    gaps = supports.plan.gap[: len(flat)][flat]
-    return float(np.abs(gaps[np.isfinite(gaps)] - profile.quality.support_gap).max(initial=0.0))
 
 
 def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]]:
@@ -98,7 +101,7 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     """
     if facts is None:
         return []
-    name = {"tree": "trees", "columns": "columns"}[facts["style"]]
+    name = {"tree": "trees", "columns and tree": "columns and trees"}.get(facts["style"], facts["style"])
     on_part = (
         f"; {format_significant(facts['on_part_mm2'])} mm² stand on the part" if facts["on_part_mm2"] else ""
     )

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.arrays import Float, SmallInt
+from printer_slicer.arrays import Float, Int, SmallInt
 from printer_slicer.extrusion.acceleration import acceleration_events
 from printer_slicer.extrusion.cooling import fan_events, slow_small_layers
 from printer_slicer.extrusion.extrusion_values import compute_move_values
@@ -21,7 +21,7 @@ from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import Role, is_perimeter, roles_with
 from printer_slicer.values import replace
 
-__all__ = ["extrude", "move_seconds"]
+__all__ = ["compute_path_seconds", "extrude", "move_seconds"]
 
 _OVERHANG_SUPPORT = 0.5  # fraction of the width; perimeters with less support are overhang perimeters
 
@@ -37,7 +37,7 @@ def extrude(
     """
     # Timing takes the most memory, so it runs in a function without the inputs of the moves.
     profiles = tuple(profiles) or (profile,)
-    program, support_ratio = _make_moves(paths, travels, profile, profiles)
+    program, support_ratio, _ = _make_moves(paths, travels, profile, profiles)
     program = slow_small_layers(program, profile)
     events = [
         *_list_temperature_changes(program, paths, profile.material, profiles),
@@ -47,10 +47,22 @@ def extrude(
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 
+def compute_path_seconds(paths: Toolpaths, travels: Travels, profile: Profile) -> Float:
+    """Return the time (M,) that each path takes at full speed, with the travel to it, s.
+
+    Arguments are those of `extrude`.
+    """
+    program, _, path = _make_moves(paths, travels, profile, (profile,))
+    return np.bincount(path, move_seconds(program, profile), minlength=paths.n_paths).astype(np.float64)
+
+
 def _make_moves(
     paths: Toolpaths, travels: Travels, profile: Profile, profiles: tuple[Profile, ...]
-) -> tuple[Program, Float]:
-    """Return the moves at full speed, and for each (K,) the fraction of its width that rests on the layer below."""
+) -> tuple[Program, Float, Int]:
+    """Return the moves at full speed, and for each (K,) the fraction of its width that lies on the layer below.
+
+    The third value is the path (K,) that each move belongs to or leads to.
+    """
     rows = list_moves(paths, travels, profile)
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     values = compute_move_values(paths, rows, diameter, profiles)
@@ -81,7 +93,7 @@ def _make_moves(
         centre = np.full((program.n_moves, 2), np.nan)
         centre[is_bead] = paths.centre[begin]
         program = replace(program, centre=centre)
-    return program, values.support_ratio
+    return program, values.support_ratio, path
 
 
 def _list_tool_changes(tool: SmallInt) -> list[ToolChange]:

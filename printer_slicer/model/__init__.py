@@ -20,6 +20,7 @@ from printer_slicer.model.paths import (
     reorder_ragged,
 )
 from printer_slicer.model.plate_objects import Labels, PlateObject
+from printer_slicer.model.section_stacks import fill_layers, stack_sections
 from printer_slicer.model.supports import Bare, SupportPlan, Supports
 from printer_slicer.model.travels import Travels, find_travel_ends
 from printer_slicer.model.volumes import Volumes, VolumeSections
@@ -54,6 +55,8 @@ __all__ = [
     "VolumeSections",
     "Volumes",
     "Walls",
+    "fill_layers",
     "find_travel_ends",
     "reorder_ragged",
+    "stack_sections",
 ]

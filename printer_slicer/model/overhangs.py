@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, frozen_array
-from printer_slicer.geometry import Areas
+from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
+from printer_slicer.geometry import Areas, intersection
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.supports import Bare
 from printer_slicer.repr_svg import SvgRepr
-from printer_slicer.values import Struct, force_setattr
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["Overhangs"]
 
@@ -84,6 +84,31 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
     def drawable(self) -> Areas:
         """The areas, which a picture of the overhangs shows."""
         return self.area
+
+    def take_patches(self, chosen: Bool) -> Overhangs:
+        """Return the overhangs of some patches, given by a mask (n_patches,), which keep their order."""
+        number = np.cumsum(chosen) - 1
+        keep = chosen[self.ring_patch]
+        area = self.area.select(keep)
+        return replace(
+            self,
+            area=area,
+            ring_patch=number[self.ring_patch[keep]],
+            islands=intersection(self.islands, area) if self.islands.n_rings else self.islands,
+        )
+
+    def of_layers(self, here: Bool) -> Overhangs:
+        """Keep what hangs in the layers for which `here` (L,) is true."""
+        keep = here[self.area.ring_layer]
+        patch = distinct(self.ring_patch[keep])
+        return replace(
+            self,
+            area=self.area.select(keep),
+            ring_patch=np.searchsorted(patch, self.ring_patch[keep]),
+            islands=self.islands.of_layers(here),
+            bridged=self.bridged.of_layers(here),
+            is_flat=self.is_flat & here,
+        )
 
     def patch_areas(self) -> Float:
         """Return the area of each patch, summed over its layers, mm²."""

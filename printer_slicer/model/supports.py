@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.repr_svg import SvgRepr
-from printer_slicer.values import Struct, field, force_setattr
+from printer_slicer.values import Struct, field, force_setattr, replace
 
 __all__ = ["Bare", "SupportPlan", "Supports"]
 
@@ -20,15 +22,33 @@ class SupportPlan(Struct, frozen=True, eq=False):
         layers: the layers of supports. `layers.base` is given where a layer is missing between two others.
         carrier: (L,) for each layer of the part, the support layer on whose top its overhang rests; -1: none.
         gap: (L,) distance from the top of that support layer to the bottom of the overhang, mm; nan: none.
+        flat_gap_error: largest difference between the gap under a horizontal surface and the setting, mm.
     """
 
     layers: LayerPlan
     carrier: Int
     gap: Float
+    flat_gap_error: float = 0.0
 
     def __post_init__(self) -> None:
         force_setattr(self, "carrier", frozen_array(self.carrier, np.int64, (-1,)))
         force_setattr(self, "gap", frozen_array(self.gap, np.float64, (len(self.carrier),)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[SupportPlan], plans: Sequence[LayerPlan]) -> SupportPlan:
+        """Combine plans with the same support layers; `plans` are the layers of the objects.
+
+        Where objects have overhangs in the same layer, the one with the smallest gap counts.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        plan = LayerPlan.union(plans)
+        carrier, gap = np.full(plan.n_layers, -1), np.full(plan.n_layers, np.nan)
+        for part, own in zip(parts, plans, strict=True):
+            layer = plan.find_tops(own.top)
+            nearer = (part.carrier >= 0) & ~(part.gap >= gap[layer])
+            carrier[layer[nearer]], gap[layer[nearer]] = part.carrier[nearer], part.gap[nearer]
+        return cls(parts[0].layers, carrier, gap, max(part.flat_gap_error for part in parts))
 
 
 class Bare(Struct, frozen=True):
@@ -80,6 +100,25 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
         n_rings = self.interface.n_rings
         angle = self.interface_angle if len(self.interface_angle) else np.full(n_rings, np.nan)
         force_setattr(self, "interface_angle", frozen_array(angle, np.float64, (n_rings,)))
+
+    @classmethod
+    def joined(cls, plan: SupportPlan, parts: Sequence[Supports]) -> Supports:
+        """Combine supports that have the layers of `plan` and do not overlap."""
+        if len(parts) == 1:
+            return replace(parts[0], plan=plan)
+        stacks = {
+            name: Areas.merged([getattr(part, name) for part in parts])
+            for name in ("base", "interface", "floor", "joists", "hollow")
+        }
+        order = np.argsort(np.concatenate([part.interface.ring_layer for part in parts]), kind="stable")
+        angle = np.concatenate([part.interface_angle for part in parts])[order]
+        return cls(
+            plan,
+            **stacks,
+            branches=np.concatenate([part.branches for part in parts]),
+            bare=tuple(place for part in parts for place in part.bare),
+            interface_angle=angle,
+        )
 
     def __repr__(self) -> str:
         volume = float(self.area.area() @ self.plan.layers.height)

@@ -67,8 +67,8 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support: Annotated[
         Literal["off", "auto", "columns", "tree"],
         make_meta(
-            "supports under overhangs: off: none; auto: columns or trees, whichever print faster; columns: "
-            "straight down; tree: branches that merge",
+            "supports under overhangs: off: none; auto: columns or trees, whichever cost less; columns: straight "
+            "down; tree: branches that merge",
             own=EACH_OBJECT,
         ),
     ] = "off"

@@ -14,11 +14,11 @@ from printer_slicer.geometry import (
     difference,
     find_enclosing_rings,
     hatch,
-    normalize,
     offset,
     split_connected,
 )
 from printer_slicer.model import Supports
+from printer_slicer.supports.pieces import unite_layers
 
 __all__ = ["hatch_bases"]
 
@@ -57,7 +57,7 @@ def _find_groups(supports: Supports, pieces: ConnectedAreas) -> tuple[Int, Float
     else:
         columns = supports.base.merge(supports.interface).merge(supports.floor)
     chosen = columns.of_layers(distinct(columns.find_first_equal_layers()))
-    seen = offset(_unite_layers(chosen), _SEAM)
+    seen = offset(unite_layers(chosen), _SEAM)
     groups = split_connected(seen)
     owner = _find_owners(chosen, seen, groups)
     low, high = (np.full((2, groups.count), end) for end in (np.inf, -np.inf))
@@ -74,16 +74,6 @@ def _find_groups(supports: Supports, pieces: ConnectedAreas) -> tuple[Int, Float
         np.where(has_more, low[0], low[1]),
         np.where(has_more, high[0], high[1]),
     )
-
-
-def _unite_layers(areas: Areas) -> Areas:
-    """Return the union of all layers as a stack of one layer."""
-    used = distinct(areas.ring_layer)
-    areas = areas.copy_layers(used)
-    while areas.n_layers > 1:  # in pairs, so that few rings overlap in each step
-        half = np.arange(areas.n_layers) // 2
-        areas = normalize(areas.on_layers(half, int(half[-1]) + 1))
-    return areas if areas.n_layers else Areas.empty(1)
 
 
 def _find_owners(areas: Areas, seen: Areas, groups: ConnectedAreas) -> Int:

@@ -23,7 +23,6 @@ from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPl
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.interfaces import divide_columns
-from printer_slicer.supports.levels import list_places_without_room
 from printer_slicer.values import Struct
 
 __all__ = ["find_contacts", "lay_columns"]
@@ -53,10 +52,9 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
         profile: gaps, foot and interfaces of supports, and the bed.
     """
     quality, layers = profile.quality, plan.layers
-    bare = list_places_without_room(overhangs, plan)
     if not layers.n_layers:
         none = Areas.empty(0)
-        return Supports(plan, none, none, none, none, none, bare=bare)
+        return Supports(plan, none, none, none, none, none)
     gaps = quality.support_bottom_gap, _find_gaps_above(plan, quality.support_gap)
     xy_gap = quality.support_xy_gap
     blocked = find_blocked_areas(sections, layers, xy_gap, gaps, min(_NEAR_GAP, xy_gap))
@@ -64,7 +62,7 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
     growth = float(np.clip(xy_gap, *_CONTACT_GROWTHS))
     wanted = find_contacts(overhangs, plan, blocked, growth, quality.support_closing)
     contacts = _clip_to_bed(wanted, profile)
-    bare += _list_lost(wanted, contacts, layers, _OUTSIDE_BED)
+    bare = _list_lost(wanted, contacts, layers, _OUTSIDE_BED)
     columns = _drop_columns(contacts, blocked, layers)
     if quality.support_on_bed_only:
         columns = _keep_above_bed(columns)

@@ -7,6 +7,7 @@ larger by the slack, so that supports need fewer layers than the part.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.shortest_path import ArcGraph, cheapest_path
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["list_places_without_room", "plan_support_layers"]
+__all__ = ["list_places_without_room", "plan_shared_layers", "plan_support_layers"]
 
 _UNIT: Final = 0.02  # mm between heights at which a layer may end, if the z step is finer
 _DEFAULT_RATIO: Final = 0.75  # nozzle diameters, the largest layer height if the settings have none
@@ -53,32 +54,66 @@ class _Contacts(Struct, frozen=True, eq=False):
         for name in ("layer", "wanted", "slack", "area"):
             force_setattr(self, name, getattr(self, name)[order])
 
+    @classmethod
+    def joined(cls, parts: Sequence[_Contacts]) -> _Contacts:
+        """Return the contacts of several objects."""
+        return cls(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__struct_fields__)
+        )
+
 
 def plan_support_layers(overhangs: Overhangs, profile: Profile) -> SupportPlan:
-    """Plan the layers of supports, from the bed to the highest overhang.
+    """Plan the layers of supports for overhangs with the same settings, see `plan_shared_layers`."""
+    return plan_shared_layers([(overhangs, profile)])[0]
+
+
+def plan_shared_layers(demands: Sequence[tuple[Overhangs, Profile]]) -> list[SupportPlan]:
+    """Plan the layers of supports, from the bed to the highest overhang, which all objects share.
 
     The first layer is as high as that of the part. An overhang so low that no second layer fits is carried by the first
     one, with more gap than wanted, or with as little as half of it. Below that, it has no carrier.
 
     Args:
-        overhangs: what hangs; its plan has the layers of the part.
-        profile: gaps and layer heights of supports, and the limits of the printer.
+        demands: what hangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
+            heights, and the limits of the printer, are those of the first profile.
+
+    Returns:
+        A plan for each of `demands`, all with the same support layers.
     """
-    part, gap = overhangs.plan, profile.quality.support_gap
-    contacts = _find_contacts(overhangs, profile)
-    carrier, gaps = np.full(part.n_layers, -1), np.full(part.n_layers, np.nan)
-    if not len(contacts.layer):
-        return SupportPlan(LayerPlan.from_tops(np.zeros(0), "supports"), carrier, gaps)
-    first = float(part.top[0])
-    top = _choose_tops(contacts, part, first, profile)
-    found = np.searchsorted(top, contacts.wanted + _SAME) - 1
-    on_first = (found < 0) & (part.bottom[contacts.layer] - first >= _SMALLEST_GAP * gap - _SAME)
-    found[on_first] = 0
-    layers = LayerPlan.from_tops(top[: found.max() + 1], "supports")
-    carrier[contacts.layer] = found
-    some = contacts.layer[found >= 0]
-    gaps[some] = part.bottom[some] - top[carrier[some]]
-    return SupportPlan(layers, carrier, gaps)
+    contacts = [_find_contacts(*demand) for demand in demands]
+    together = _Contacts.joined(contacts)
+    top = np.zeros(0)
+    if len(together.layer):
+        part = LayerPlan.union([overhangs.plan for overhangs, _ in demands])
+        top = _choose_tops(together, part, float(part.top[0]), demands[0][1])
+    found = [
+        _find_carriers(own, overhangs.plan, top, profile.quality.support_gap)
+        for own, (overhangs, profile) in zip(contacts, demands, strict=True)
+    ]
+    highest = max((int(carrier.max(initial=-1)) for carrier in found), default=-1)
+    layers = LayerPlan.from_tops(top[: highest + 1], "supports")
+    return [_make_plan(layers, carrier, *demand) for carrier, demand in zip(found, demands, strict=True)]
+
+
+def _find_carriers(contacts: _Contacts, part: LayerPlan, top: Float, gap: float) -> Int:
+    """Return for each layer of the part (L,) the support layer, by its top (S,), that carries it; -1: none."""
+    carrier = np.full(part.n_layers, -1)
+    if len(top):
+        found = np.searchsorted(top, contacts.wanted + _SAME) - 1
+        room = part.bottom[contacts.layer] - top[0]
+        found[(found < 0) & (room >= _SMALLEST_GAP * gap - _SAME)] = 0
+        carrier[contacts.layer] = found
+    return carrier
+
+
+def _make_plan(layers: LayerPlan, carrier: Int, overhangs: Overhangs, profile: Profile) -> SupportPlan:
+    """Return the plan for one of several demands."""
+    gaps, some = np.full(len(carrier), np.nan), np.flatnonzero(carrier >= 0)
+    gaps[some] = overhangs.plan.bottom[some] - layers.top[carrier[some]]
+    flat = gaps[(carrier >= 0) & overhangs.is_flat]
+    return SupportPlan(
+        layers, carrier, gaps, float(np.abs(flat - profile.quality.support_gap).max(initial=0.0))
+    )
 
 
 def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[Bare, ...]:

@@ -8,7 +8,7 @@ from printer_slicer.geometry import Areas, union
 from printer_slicer.model import LayerPlan, Sections, Supports
 from printer_slicer.values import replace
 
-__all__ = ["add_support_areas", "add_support_layers"]
+__all__ = ["add_support_areas", "add_support_layers", "make_obstacles"]
 
 
 def add_support_layers(sections: Sections, supports: Supports | None) -> Sections:
@@ -42,3 +42,8 @@ def add_support_areas(printed: Sections, supports: Supports | None, lift: float)
     on_bed = union(printed.solid.of_layers(first), areas.of_layers(first))
     others = printed.solid.of_layers(rest).merge(areas.of_layers(rest))
     return replace(printed, solid=Areas.merged([on_bed, others]))
+
+
+def make_obstacles(supports: Supports) -> Sections:
+    """Return supports as sections, so that other supports avoid them as they avoid the part."""
+    return Sections(supports.plan.layers, supports.area)

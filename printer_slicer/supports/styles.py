@@ -1,4 +1,4 @@
-"""Make supports in the style of the settings."""
+"""Make supports in the style of the settings, or in the cheaper style for each group of overhangs."""
 
 from __future__ import annotations
 
@@ -8,57 +8,163 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.model import Overhangs, Sections, SupportPlan, Supports, Toolpaths
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports, Toolpaths, fill_layers
 from printer_slicer.profile import Profile
-from printer_slicer.roles import ROLES
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.levels import list_places_without_room, plan_support_layers
+from printer_slicer.supports.groups import PatchGroups, group_patches
+from printer_slicer.supports.levels import list_places_without_room
+from printer_slicer.supports.stacking import make_obstacles
+from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.supports.trees import grow_trees
-from printer_slicer.values import replace
+from printer_slicer.values import Struct, replace
 
-__all__ = ["STYLES", "make_supports", "measure_plastic"]
+__all__ = ["STYLES", "GroupTimes", "PrintedSupports", "make_supports", "measure_plastic"]
 
 Style = Callable[[Overhangs, SupportPlan, Sections, Profile], Supports]
 
+GroupTimes = Callable[[Toolpaths, Int, int, Profile], Float]
+"""Function that returns the print time of each group (G,), s, from paths (M,), their groups (M,), G and the profile."""
+
 STYLES: Final[dict[str, Style]] = {"columns": lay_columns, "tree": grow_trees}
-"""Function for each style; `auto` is the cheapest of them."""
+"""Function for each style; `auto` uses the cheaper one for each group of overhangs."""
 
-_STOP_SECONDS: Final = 0.25  # time to travel to a path and to begin it
+_LEAST_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
+_MOST_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
+_BARE_MINUTES: Final = 2.0  # that a place without support costs
+_BARE_AREA: Final = 6.0  # mm² of a place without support
+_ISLAND_MINUTES: Final = 100.0  # that an island without support costs
 
 
-def make_supports(overhangs: Overhangs, sections: Sections, profile: Profile) -> tuple[Supports, Toolpaths]:
+class PrintedSupports(Struct, frozen=True, eq=False):
+    """Supports and their paths.
+
+    Attributes:
+        supports: the areas.
+        paths: on the layers of `supports.plan`.
+    """
+
+    supports: Supports
+    paths: Toolpaths
+
+
+def make_supports(
+    overhangs: Overhangs,
+    plan: SupportPlan,
+    sections: Sections,
+    profile: Profile,
+    measure_times: GroupTimes,
+) -> PrintedSupports:
     """Return supports for what hangs, and their paths.
 
     Args:
-        overhangs: what hangs.
-        sections: all objects, also those without supports.
+        overhangs: what hangs; at least one patch.
+        plan: the layers of supports.
+        sections: all that supports must avoid.
         profile: style and other settings of supports.
+        measure_times: print time of paths; only `auto` needs it.
     """
-    plan = plan_support_layers(overhangs, profile)
     style = profile.quality.support
-    made = [
-        STYLES[name](overhangs, plan, sections, profile) for name in ([style] if style in STYLES else STYLES)
-    ]
-    laid = [lay_support_beads(supports, profile) for supports in made]
-    best = int(np.argmin([_estimate_cost(paths, profile) for paths in laid])) if len(made) > 1 else 0
-    without_room = tuple(
-        place for place in list_places_without_room(overhangs, plan) if place not in made[best].bare
-    )
-    return replace(made[best], bare=(*made[best].bare, *without_room)), laid[best]
+    if style in STYLES:
+        made = [_make(style, overhangs, plan, sections, profile)]
+    else:
+        made = _choose_styles(overhangs, plan, sections, profile, measure_times)
+    supports = Supports.joined(plan, [one.supports for one in made])
+    paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
+    bare = (*supports.bare, *list_places_without_room(overhangs, plan))
+    return PrintedSupports(replace(supports, bare=bare), paths)
 
 
 def measure_plastic(paths: Toolpaths) -> float:
     """Return the volume of paths, mm³, at a flow ratio of 1."""
+    return float(_measure_volumes(paths).sum())
+
+
+def _measure_volumes(paths: Toolpaths) -> Float:
+    """Return the volume (M,) of each path, mm³."""
     if not paths.n_paths:
-        return 0.0
+        return np.zeros(0)
     width = paths.width[paths.start[:-1]]  # the same along each path
-    return float(paths.length() @ bead.cross_section(width, paths.height))
+    return np.asarray(paths.length() * bead.cross_section(width, paths.height))
 
 
-def _estimate_cost(paths: Toolpaths, profile: Profile) -> float:
-    """Return the print time of supports and the price of their plastic, min."""
-    speed = np.array([getattr(profile.speeds, row.speed) for row in ROLES])[paths.role]
-    seconds = float((paths.length() / speed).sum()) + _STOP_SECONDS * paths.n_paths
-    grams = measure_plastic(paths) * profile.material.density / 1000
-    return seconds / 60 + profile.quality.support_gram_price * grams
+def _make(
+    style: str, overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile
+) -> PrintedSupports:
+    """Return supports of one style."""
+    supports = STYLES[style](overhangs, plan, sections, profile)
+    return PrintedSupports(supports, lay_support_beads(supports, profile))
+
+
+def _choose_styles(
+    overhangs: Overhangs,
+    plan: SupportPlan,
+    sections: Sections,
+    profile: Profile,
+    measure_times: GroupTimes,
+) -> list[PrintedSupports]:
+    """Return the cheapest of columns, trees, and both: columns for some groups, and trees that avoid them.
+
+    Trees are first grown for all groups in which they may be cheaper, then only where they were.
+    """
+    columns = _make("columns", overhangs, plan, sections, profile)
+    groups = group_patches(overhangs, columns.supports)
+    price = _Prices(groups, profile, measure_times)
+    cost = price.of(columns)
+    least = estimate_least_tree_costs(columns.supports, columns.paths, groups, profile)
+    gets_tree, lowest, best = least < cost, cost.sum(), [columns]
+    for _ in range(_MOST_DIVISIONS):
+        if not gets_tree.any():
+            break
+        made = _make_both(gets_tree[groups.of_patch], overhangs, plan, sections, profile)
+        found = np.sum([price.of(one) for one in made], axis=0)
+        if found.sum() < lowest:
+            lowest, best = found.sum(), made
+        if np.minimum(found, cost).sum() > (1 - _LEAST_GAIN) * lowest:
+            break
+        gets_tree &= found < cost
+    return best
+
+
+def _make_both(
+    gets_tree: Bool, overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile
+) -> list[PrintedSupports]:
+    """Return columns for some patches, and trees, which avoid them, for those in a mask (n_patches,)."""
+    if gets_tree.all():
+        return [_make("tree", overhangs, plan, sections, profile)]
+    columns = _make("columns", overhangs.take_patches(~gets_tree), plan, sections, profile)
+    obstacles = fill_layers([sections, make_obstacles(columns.supports)])
+    return [columns, _make("tree", overhangs.take_patches(gets_tree), plan, obstacles, profile)]
+
+
+class _Prices(Struct, frozen=True, eq=False):
+    """Computes the cost of supports: the print time, and the price of their plastic, min.
+
+    Attributes:
+        groups: of patches.
+        profile: price of plastic.
+        measure_times: print time of paths.
+    """
+
+    groups: PatchGroups
+    profile: Profile
+    measure_times: GroupTimes
+
+    def of(self, made: PrintedSupports) -> Float:
+        """Return the cost (G,) of the supports of each group; places without support are expensive."""
+        paths, n = made.paths, self.groups.count
+        group = self.groups.find(paths.xy[paths.start[:-1]])
+        seconds = self.measure_times(paths, group, n, self.profile)
+        grams = _measure_volumes(paths) * self.profile.material.density / 1000
+        cost = seconds / 60 + self.profile.quality.support_gram_price * np.bincount(group, grams, n)
+        bare = made.supports.bare
+        at = self.groups.find(np.array([(place.x, place.y) for place in bare]).reshape(-1, 2))
+        return np.asarray(cost + np.bincount(at, [_price_bare_place(place) for place in bare], n))
+
+
+def _price_bare_place(place: Bare) -> float:
+    """Return the cost of a place without support, min."""
+    if place.is_island:
+        return _ISLAND_MINUTES
+    return _BARE_MINUTES * max(place.area / _BARE_AREA, 1.0)

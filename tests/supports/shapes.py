@@ -9,7 +9,17 @@ import numpy as np
 from printer_slicer.model import Mesh
 from tests.parts import box, joined
 
-__all__ = ["bracket", "hook", "inverted_cone", "mushroom", "round_body", "sphere_on_bed", "table", "tee"]
+__all__ = [
+    "bracket",
+    "hook",
+    "inverted_cone",
+    "mushroom",
+    "round_body",
+    "shelf_and_arm",
+    "sphere_on_bed",
+    "table",
+    "tee",
+]
 
 
 def round_body(
@@ -64,6 +74,13 @@ def inverted_cone(radius: float = 8.0, height: float = 15.0) -> Mesh:
     cone = round_body([(0.0, 0.0), (radius, height)], at=(20.0, 0.0)).moved((0.0, 0.0, 15.0))
     post, arm = box((6.0, 6.0, 34.0), (-3.0, -3.0, 0.0)), box((31.0, 6.0, 4.0), (-3.0, -3.0, 30.0))
     return joined([cone, post, arm.moved((0.0, 0.0, -0.5))], "hanging cone")
+
+
+def shelf_and_arm() -> Mesh:
+    """A wide plate 8 mm above the bed, and an arm 60 mm above it, on the same base."""
+    base, leg = box((80.0, 10.0, 2.0), (-70.0, 0.0, 0.0)), box((6.0, 40.0, 9.0), (-30.0, -15.0, 0.0))
+    plate, post = box((46.0, 40.0, 3.0), (-70.0, -15.0, 8.0)), box((10.0, 10.0, 61.0))
+    return joined([base, leg, plate, post, box((35.0, 10.0, 4.0), (0.0, 0.0, 60.0))], "shelf and arm")
 
 
 def hook() -> Mesh:

@@ -1,0 +1,154 @@
+"""Find what hangs in each object, and make the supports of all objects with the settings of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from printer_slicer.layer_settings import resolve_layer_settings
+from printer_slicer.model import (
+    Mesh,
+    Overhangs,
+    Regions,
+    Sections,
+    SupportPlan,
+    Supports,
+    Toolpaths,
+    fill_layers,
+)
+from printer_slicer.profile import Profile
+from printer_slicer.progress import Report
+from printer_slicer.slicing import cut_volumes
+from printer_slicer.supports import find_overhangs
+from printer_slicer.values import Struct
+
+__all__ = ["ObjectOverhangs", "find_object_overhangs", "has_supports", "make_object_supports"]
+
+
+class ObjectOverhangs(Struct, frozen=True, eq=False):
+    """What hangs in the layers of an object that have the same settings of supports.
+
+    Attributes:
+        index: number of the object.
+        overhangs: what hangs, on all layers of the object.
+        profile: the settings.
+    """
+
+    index: int
+    overhangs: Overhangs
+    profile: Profile
+
+
+def has_supports(profile: Profile) -> bool:
+    """Return whether objects with this profile get supports."""
+    return profile.quality.support != "off" and not profile.quality.spiral
+
+
+def find_object_overhangs(
+    part: Mesh,
+    sections: Sequence[Sections],
+    regions: Sequence[Regions],
+    profiles: Sequence[Profile],
+    *,
+    always_steer: bool = False,
+    only_supported: bool = False,
+) -> list[ObjectOverhangs]:
+    """Find what hangs in each object; volumes of the part apply to objects with supports.
+
+    Args:
+        part: the part, with its volumes.
+        sections: of each object.
+        regions: of each object.
+        profiles: of each object.
+        always_steer: whether volumes also apply to objects without supports.
+        only_supported: whether objects without supports are left out.
+    """
+    found = []
+    for index, (solid, area, profile) in enumerate(zip(sections, regions, profiles, strict=True)):
+        for own, here in _divide_by_settings(profile, solid):
+            if only_supported and not has_supports(own):
+                continue
+            overhangs = find_overhangs(solid, area, own)
+            if part.volumes and (always_steer or own.quality.support != "off"):
+                from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
+
+                overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), own.quality)
+            found.append(ObjectOverhangs(index, overhangs if here.all() else overhangs.of_layers(here), own))
+    return found
+
+
+def _divide_by_settings(profile: Profile, sections: Sections) -> list[tuple[Profile, np.ndarray]]:
+    """Return the profiles of an object with different settings of supports, and a mask (L,) of the layers of each."""
+    divided: dict[tuple[object, ...], tuple[Profile, np.ndarray]] = {}
+    for own, here in resolve_layer_settings(profile, sections.plan).each():
+        key = _list_support_settings(own)
+        first, before = divided.get(key, (own, np.zeros(len(here), np.bool_)))
+        divided[key] = first, before | here
+    return list(divided.values())
+
+
+def _list_support_settings(profile: Profile) -> tuple[object, ...]:
+    """Return all settings that supports depend on, except those of the whole plate."""
+    quality = profile.quality
+    names = [name for name in quality.__struct_fields__ if name.startswith("support")]
+    return *(getattr(quality, name) for name in names), profile.extrusion_width, quality.spiral
+
+
+def make_object_supports(
+    found: Sequence[ObjectOverhangs], sections: Sequence[Sections], regions: list[Regions], report: Report
+) -> tuple[Supports | None, list[Toolpaths]]:
+    """Return the supports of all objects that have them, and their paths; change `regions` that lie on supports.
+
+    All supports have the same layers. They avoid all objects, and those of other settings.
+
+    Args:
+        found: what hangs.
+        sections: of each object.
+        regions: of each object.
+        report: called when supports begin.
+    """
+    alike: dict[tuple[object, ...], list[ObjectOverhangs]] = {}
+    for one in found:
+        if has_supports(one.profile) and one.overhangs.area.n_rings:
+            alike.setdefault(_list_support_settings(one.profile), []).append(one)
+    if not alike:
+        return None, []
+    from printer_slicer.support_times import measure_group_times  # noqa: PLC0415 - most parts have no supports
+    from printer_slicer.supports.levels import plan_shared_layers  # noqa: PLC0415
+    from printer_slicer.supports.stacking import make_obstacles  # noqa: PLC0415
+    from printer_slicer.supports.styles import make_supports  # noqa: PLC0415
+
+    report("supports")
+    groups = list(alike.values())
+    together = [Overhangs.joined([one.overhangs for one in group]) for group in groups]
+    profiles = [group[0].profile for group in groups]
+    plans = plan_shared_layers(list(zip(together, profiles, strict=True)))
+    made, obstacles = [], [fill_layers(sections)]
+    for overhangs, plan, profile in zip(together, plans, profiles, strict=True):
+        made.append(make_supports(overhangs, plan, fill_layers(obstacles), profile, measure_group_times))
+        obstacles.append(make_obstacles(made[-1].supports))
+    for group, overhangs, plan in zip(groups, together, plans, strict=True):
+        _replace_bridges(group, overhangs, plan, regions)
+    plan = SupportPlan.joined(plans, [overhangs.plan for overhangs in together])
+    supports = Supports.joined(plan, [one.supports for one in made])
+    return supports, [one.paths for one in made if one.paths.n_paths]
+
+
+def _replace_bridges(
+    group: Sequence[ObjectOverhangs], together: Overhangs, plan: SupportPlan, regions: list[Regions]
+) -> None:
+    """Change the bridges of objects that lie on supports.
+
+    Args:
+        group: objects with the same settings.
+        together: what hangs in all of them.
+        plan: which of that supports carry.
+        regions: of each object of the plate.
+    """
+    from printer_slicer.supports.carried_bridges import replace_carried_bridges  # noqa: PLC0415
+
+    for one in group:
+        carrier = plan.carrier[together.plan.find_tops(one.overhangs.plan.top)]
+        carried = one.overhangs.area.of_layers(carrier >= 0)
+        regions[one.index] = replace_carried_bridges(regions[one.index], carried)

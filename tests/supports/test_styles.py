@@ -1,0 +1,133 @@
+"""The style `auto`: never dearer than one style for all, and cheaper than both where a part needs both."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from printer_slicer.cli.support_facts import collect_support_facts
+from printer_slicer.extrusion import extrude, move_seconds
+from printer_slicer.geometry import intersection, normalize, offset
+from printer_slicer.model import Areas, Overhangs, Sections, Toolpaths
+from printer_slicer.ordering import order
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.profile import Profile, load_profile
+from printer_slicer.support_times import measure_group_times
+from printer_slicer.supports.groups import group_patches
+from printer_slicer.supports.styles import PrintedSupports, make_supports, measure_plastic
+from printer_slicer.supports.tree_costs import estimate_least_tree_costs
+from printer_slicer.travels import travel
+from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee
+from tests.supports.test_columns import prepared
+
+PARTS = {
+    "tee": tee,
+    "hook": hook,
+    "sphere": sphere_on_bed,
+    "mushroom": mushroom,
+    "shelf and arm": shelf_and_arm,
+    "bracket": bracket,
+    "table": table,
+}
+SLOW = pytest.mark.thorough
+
+
+@cache
+def made(name: str, style: str) -> tuple[PrintedSupports, Overhangs, Profile]:
+    """Supports of a part."""
+    overhangs, plan, sections, profile = prepared(PARTS[name](), support=style)
+    return make_supports(overhangs, plan, sections, profile, measure_group_times), overhangs, profile
+
+
+def seconds_of(paths: Toolpaths, profile: Profile) -> float:
+    """Print time of all paths, with travels, retractions and the moves to the next layer."""
+    around = Sections(paths.plan, Areas.empty(paths.plan.n_layers))
+    ordered = order(paths, around, profile)
+    return float(move_seconds(extrude(ordered, travel(ordered, around, profile), profile), profile).sum())
+
+
+def cost_of(name: str, style: str) -> float:
+    """Minutes, and grams by their price."""
+    supports, _, profile = made(name, style)
+    grams = measure_plastic(supports.paths) * profile.material.density / 1000
+    return seconds_of(supports.paths, profile) / 60 + profile.quality.support_gram_price * grams
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=SLOW if name in {"bracket", "table"} else ()) for name in PARTS]
+)
+def test_auto_is_at_most_as_dear_as_the_better_style(name: str) -> None:
+    assert cost_of(name, "auto") <= 1.02 * min(cost_of(name, "columns"), cost_of(name, "tree"))
+
+
+def test_a_low_plate_gets_columns_and_a_high_arm_trees() -> None:
+    supports = made("shelf and arm", "auto")[0].supports
+
+    assert cost_of("shelf and arm", "auto") < 0.95 * min(
+        cost_of("shelf and arm", style) for style in ("columns", "tree")
+    )
+    low = np.arange(2, int(np.searchsorted(supports.plan.layers.top, 7.0)))
+    assert (supports.base.area() - supports.hollow.area())[low].min() > 500
+    high = np.flatnonzero(supports.plan.layers.top > 20)
+    assert supports.hollow.area()[high[:50]].min() > 0
+    assert (supports.base.area() - supports.hollow.area())[high].max() < 1e-3
+
+
+def test_trees_keep_their_distance_from_columns() -> None:
+    supports = made("shelf and arm", "auto")[0].supports
+    above = np.arange(1, supports.plan.layers.n_layers)
+    trees = supports.hollow.of_layers(above)
+    columns = supports.base.merge(supports.floor).of_layers(above)
+    kept = normalize(columns).area() - normalize(trees).area()
+
+    assert supports.area.area() == pytest.approx(normalize(supports.area).area(), abs=1e-3)
+    assert kept.max() > 500
+    left = offset(trees, 0.3)
+    assert intersection(left, columns).area() == pytest.approx(trees.area(), abs=1e-2)
+
+
+def test_facts_name_both_styles() -> None:
+    profile = load_profile(quality="standard", changes={"support": "auto"})
+    styles = {}
+    for name in ("shelf and arm", "tee", "hook"):
+        facts = collect_support_facts(slice_stages(PARTS[name](), profile), profile)
+        assert facts is not None
+        styles[name] = facts["style"]
+
+    assert styles == {"shelf and arm": "columns and tree", "tee": "tree", "hook": "columns"}
+
+
+@pytest.mark.parametrize("style", ["columns", "tree"])
+@pytest.mark.parametrize("name", ["tee", "sphere", "mushroom"])
+def test_times_of_some_layers_give_that_of_all(name: str, style: str) -> None:
+    supports, _, profile = made(name, style)
+    paths = supports.paths
+    ends = (paths.xy[paths.start[:-1], 0] > paths.xy[:, 0].mean()).astype(np.int64)
+    whole, halves = (
+        measure_group_times(paths, group, n, profile)
+        for group, n in ((np.zeros(paths.n_paths, np.int64), 1), (ends, 2))
+    )
+
+    assert whole.sum() == pytest.approx(seconds_of(paths, profile), rel=0.04)
+    assert halves.sum() == pytest.approx(whole.sum(), rel=0.04)
+    assert halves.max() < 0.65 * whole.sum()
+
+
+def test_patches_whose_columns_meet_are_one_group() -> None:
+    for name, n_patches, n_groups in (("tee", 2, 2), ("shelf and arm", 2, 2), ("bracket", 1, 1)):
+        columns, overhangs, _ = made(name, "columns")
+        groups = group_patches(overhangs, columns.supports)
+        assert (overhangs.n_patches, groups.count) == (n_patches, n_groups)
+        assert np.unique(groups.of_patch).tolist() == list(range(n_groups))
+
+
+@pytest.mark.parametrize("name", ["tee", "sphere", "mushroom", "hook"])
+def test_trees_are_not_cheaper_than_their_estimate(name: str) -> None:
+    columns, overhangs, profile = made(name, "columns")
+    groups = group_patches(overhangs, columns.supports)
+    least = estimate_least_tree_costs(columns.supports, columns.paths, groups, profile)
+
+    assert (least > 0).all()
+    assert least.sum() < cost_of(name, "tree")
