@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,7 @@ __all__ = [
     "apply_projects",
     "format_model_names",
     "keep_freed_memory",
+    "load_c_library",
     "load_plate",
     "load_repaired_plate",
     "release_freed_memory",
@@ -272,6 +274,19 @@ def release_freed_memory() -> None:
     """
     if not sys.platform.startswith("linux"):
         return
+    with contextlib.suppress(OSError, AttributeError):
+        library = load_c_library()
+        if library.mallinfo2().freed > _MAX_FREED:
+            library.malloc_trim(0)
+
+
+@cache
+def load_c_library() -> Any:
+    """Return the C library, in which `mallinfo2` has the type of its result.
+
+    Raises:
+        OSError, AttributeError: there is no library, or it has no such function.
+    """
     import ctypes
 
     class MemoryUse(ctypes.Structure):
@@ -279,11 +294,9 @@ def release_freed_memory() -> None:
 
         _fields_ = (("before", ctypes.c_size_t * 8), ("freed", ctypes.c_size_t), ("top", ctypes.c_size_t))
 
-    with contextlib.suppress(OSError, AttributeError):
-        library = ctypes.CDLL(None)
-        library.mallinfo2.restype = MemoryUse
-        if library.mallinfo2().freed > _MAX_FREED:
-            library.malloc_trim(0)
+    library = ctypes.CDLL(None)
+    library.mallinfo2.restype = MemoryUse
+    return library
 
 
 def release_memory_between_stages(report: StageReport) -> StageReport:
@@ -380,16 +393,21 @@ def _collect_project_changes(
     return changes, unused
 
 
+def _list_support_styles(profile: Profile) -> set[object]:
+    """Return the styles of supports that the profile and its overrides name."""
+    named = ("quality.support", "support")
+    return {
+        profile.quality.support,
+        *(one.set[name] for one in profile.quality.overrides for name in named if name in one.set),
+    }
+
+
 def _list_volume_warnings(volumes: Volumes | None, profile: Profile) -> list[str]:
     """Return warnings about volumes and painted facets that have no effect, or an unexpected one."""
     if volumes is None:
         return []
     found = []
-    supports = {
-        profile.quality.support,
-        *(one.set.get("support", "off") for one in profile.quality.overrides),
-    }
-    if volumes.has_enforcers and supports == {"off"}:
+    if volumes.has_enforcers and _list_support_styles(profile) == {"off"}:
         what = "support enforcers" if volumes.enforce else "facets painted for supports"
         found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
     if volumes.negative:

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from printer_slicer.cli.models import load_c_library, release_freed_memory
+
 SCRIPT = """
 import resource, sys
 import numpy as np
@@ -30,3 +32,12 @@ def test_arrays_made_again_and_again_ask_the_system_once() -> None:
     }
 
     assert 5 * faults["keep"] < faults["hand_back"]
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_the_c_library_is_loaded_once() -> None:
+    for _ in range(3):
+        release_freed_memory()
+
+    assert load_c_library.cache_info().misses <= 1
+    assert load_c_library().mallinfo2().freed >= 0

@@ -200,4 +200,5 @@ def test_painted_facets_without_supports_are_reported(folder: Path) -> None:
     words = ("slice", path, "-o", folder / "x.gcode", *QUICK)
 
     assert "facets painted for supports, but supports are off" in " ".join(typed(*words).err.split())
-    assert "painted" not in typed(*words, "--set-for", "lid:support=columns").err
+    for name in ("support", "quality.support"):
+        assert "painted" not in typed(*words, "--set-for", f"lid:{name}=columns").err
