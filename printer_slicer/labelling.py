@@ -1,4 +1,4 @@
-"""Find the object that each extrusion belongs to, from its position; supports belong to the nearest object.
+"""Find the object that each extrusion belongs to, from its position; supports belong to the object that they carry.
 
 Most objects stand apart, so only one bounding box contains an extrusion. Where several do, as for a ring around a
 cube, the section of each object at this height is tested (winding number). Objects that overlap are printed as one
@@ -9,38 +9,69 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
+from printer_slicer.geometry import Areas, find_enclosing_rings
 from printer_slicer.model import Labels, LayerPlan, Mesh, PlateObject, Program
 from printer_slicer.roles import roles_with
+from printer_slicer.values import Struct
 
-__all__ = ["label_moves"]
+__all__ = ["SupportOwners", "find_objects", "label_moves"]
 
 _TOLERANCE: Final = 1.0  # mm: extrusions may lie this far outside the bounding box because of compensation
 _MAX_NAME_LENGTH: Final = 24  # characters of a name, to keep lines short
 
 
-def label_moves(program: Program, part: Mesh, plan: LayerPlan) -> Labels | None:
+class SupportOwners(Struct, frozen=True, eq=False):
+    """The object that each support carries.
+
+    Attributes:
+        plan: the layers of supports, without a raft.
+        areas: the supports by layer.
+        owner: (R,) object that each ring of `areas` carries.
+    """
+
+    SEVERAL: ClassVar[int] = -1
+    """It carries several objects, so it belongs to none."""
+    UNKNOWN: ClassVar[int] = -2
+
+    plan: LayerPlan
+    areas: Areas
+    owner: Int
+
+
+def label_moves(
+    program: Program, part: Mesh, plan: LayerPlan, owners: SupportOwners | None = None
+) -> Labels | None:
     """Find the object of each move; None if the part has only one object.
 
     Args:
         program: the moves.
         part: the part, with its objects.
         plan: the layers of the part; the program may have raft layers below them, and layers of supports between.
+        owners: the objects of supports; those of unknown ones are found by position.
     """
     items = part.objects
     if len(items) < 2:
         return None
-    lays = (roles_with(is_part=True) | roles_with(is_support=True))[program.role]
-    begins = lays & ~(np.append(False, lays[:-1]) & (np.diff(program.layer, prepend=-1) == 0))
+    carries = roles_with(is_support=True)[program.role]
+    lays = roles_with(is_part=True)[program.role] | carries
+    same = (np.diff(program.layer, prepend=-1) == 0) & (np.diff(carries, prepend=False) == 0)
+    begins = lays & ~(np.append(False, lays[:-1]) & same)
     first = np.flatnonzero(begins)
     middle = (program.start[first, :2] + program.xyz[first, :2]) / 2
     lift = float(program.plan.top[-1] - plan.top[-1])
     layer = np.minimum(plan.find_tops(program.plan.top[program.layer[first]] - lift), plan.n_layers - 1)
-    found = _find_objects(middle, plan.cut[layer], items, part)
+    found = find_objects(middle, plan.cut[layer], part)
+    if owners:
+        some = np.flatnonzero(carries[first])
+        at = owners.plan.find_tops(program.plan.top[program.layer[first[some]]] - lift)
+        ring = find_enclosing_rings(owners.areas, middle[some], at)
+        owner = np.append(owners.owner, SupportOwners.UNKNOWN)[ring]
+        found[some] = np.where(owner == SupportOwners.UNKNOWN, found[some], owner)
     item = np.full(program.n_moves, -1)
     item[lays] = found[np.cumsum(begins)[lays] - 1]
     boxes = np.array([[one.low[:2], one.high[:2]] for one in items])
@@ -60,8 +91,9 @@ def _make_unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(made)
 
 
-def _find_objects(place: Float, z: Float, items: Sequence[PlateObject], part: Mesh) -> Int:
+def find_objects(place: Float, z: Float, part: Mesh) -> Int:
     """Return the index of the object (n,) at each point `place` (n, 2) and height `z` (n,), mm."""
+    items = part.objects
     low, high = (np.array([getattr(one, side) for one in items]) for side in ("low", "high"))
     at = np.column_stack([place, z])
     beyond = np.maximum(np.maximum(low[None] - at[:, None], at[:, None] - high[None]), 0).max(axis=2)

@@ -17,7 +17,7 @@ from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import extrude
 from printer_slicer.healing import repair, require_no_repair
-from printer_slicer.labelling import label_moves
+from printer_slicer.labelling import SupportOwners, label_moves
 from printer_slicer.model import (
     LayerPlan,
     Mesh,
@@ -189,9 +189,21 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
         toolpaths if keep else toolpaths.take(np.flatnonzero(roles_with(is_part=False)[toolpaths.role]))
     )
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
-    labels = label_moves(program, part, solid.plan)
+    labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
     made_later = toolpaths, travels, program, link, labels, Repairs()
     return Stages(part, solid, walls, regions, *made_later, *_join_overhangs(found), supports)
+
+
+def _find_owners(
+    supports: Supports | None, found: Sequence[ObjectOverhangs], part: Mesh
+) -> SupportOwners | None:
+    """Return the object of each support; None without supports, or if there is only one object."""
+    if supports is None or len(part.objects) < 2:
+        return None
+    from printer_slicer.support_owners import find_support_owners  # noqa: PLC0415 - most parts need no labels
+
+    carried = [one.overhangs for one in found if has_supports(one.profile)]
+    return find_support_owners(supports, Overhangs.joined(carried), part)
 
 
 def _join_overhangs(found: Sequence[ObjectOverhangs]) -> tuple[Overhangs | None, Overhangs | None]:
