@@ -70,7 +70,7 @@ class CandidateLayers(Struct, frozen=True, eq=False):
         cls, mesh: Mesh, grid: HeightGrid, steps: ZSteps, profile: Profile, *, everywhere: bool = False
     ) -> CandidateLayers:
         """List the candidate layers of a part; with `everywhere`, layers of every printable height anywhere."""
-        surface, planes = read_surface(mesh), find_event_planes(mesh, profile)
+        surface, planes = read_surface(mesh), find_event_planes(mesh, profile, grid.unit)
         rows = list_candidate_layers(planes, grid, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)

@@ -10,6 +10,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Mesh
 from printer_slicer.planning.candidate_layers import CandidateLayers
 from printer_slicer.planning.height_grid import overlaps_range, range_ends
+from printer_slicer.planning.support_tops import find_support_contacts
 from printer_slicer.planning.z_steps import ZSteps, layer_tolerances
 from printer_slicer.profile import Profile
 from printer_slicer.surface import find_flats
@@ -39,9 +40,10 @@ def rank_constraints(
     """Return the constraints that some candidate layers violate, highest priority first.
 
     Limits for neighbouring layers are not among them. The order is: heights not on the list; heights that differ from
-    those of ranges; deviation above the tolerance; missed flats and ends of ranges; heights outside the limits of the
-    list. If the thinnest layers can deviate by more than the tolerance, deviation above twice their bound comes
-    before flats, and the rest after them. Deviations are squared and multiplied by the layer height.
+    those of ranges; deviation above the tolerance; missed flats and ends of ranges; missed tops of supports that have
+    the layers of the part; heights outside the limits of the list. If the thinnest layers can deviate by more than the
+    tolerance, deviation above twice their bound comes before flats, and the rest after them. Deviations are squared and
+    multiplied by the layer height.
 
     Args:
         mesh: the part.
@@ -76,6 +78,7 @@ def rank_constraints(
         Constraint(1e13, mm * beyond**2),
         Constraint(1e5, _count_missed_planes(mesh, candidates, profile)),
         Constraint(1e6, mm * over**2),
+        Constraint(2e4, _count_missed_support_tops(mesh, candidates, profile)),
         Constraint(1e4, np.asarray(outside, np.float64)),
     ]
     return [constraint for constraint in constraints if constraint.cost.any()]
@@ -127,10 +130,21 @@ def _count_missed_planes(mesh: Mesh, candidates: CandidateLayers, profile: Profi
     least = 0.5 if profile.quality.containment == "mid" else 1.0
     snap = max(profile.dials.snap_tolerance / grid.unit, least)
     lowest, highest = np.ceil(place - snap - 1e-6), np.floor(place + snap + 1e-6)
+    return _sum_missed(candidates, lowest.astype(np.int64), highest.astype(np.int64), weight)
+
+
+def _count_missed_support_tops(mesh: Mesh, candidates: CandidateLayers, profile: Profile) -> Float:
+    """Return the number (A,) of flats above supports, and of tops of these supports, inside each layer."""
+    nodes = np.concatenate(find_support_contacts(mesh, profile, candidates.grid.unit))
+    return _sum_missed(candidates, nodes, nodes, np.ones(len(nodes)))
+
+
+def _sum_missed(candidates: CandidateLayers, lowest: Int, highest: Int, weight: Float) -> Float:
+    """Return the total weight (A,) of the node intervals (n,), ends included, that lie inside each layer."""
+    grid, graph = candidates.grid, candidates.graph
     inside = (lowest > 0) & (highest < grid.n)
     started, ended = (
-        np.cumsum(np.bincount(nodes[inside].astype(np.int64), weight[inside], grid.n + 1))
-        for nodes in (lowest, highest)
+        np.cumsum(np.bincount(nodes[inside], weight[inside], grid.n + 1)) for nodes in (lowest, highest)
     )
-    within = np.append(0.0, ended[:-1])[candidates.graph.end] - started[candidates.graph.start]
+    within = np.append(0.0, ended[:-1])[graph.end] - started[graph.start]
     return np.where(within > 1e-9, within, 0.0)  # removes rounding errors of the sums

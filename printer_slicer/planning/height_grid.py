@@ -16,6 +16,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.model import Mesh
+from printer_slicer.planning.support_tops import find_support_contacts
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.profile import HeightRange, Profile
 from printer_slicer.surface import find_flats, read_surface
@@ -118,13 +119,15 @@ def overlaps_range(height_range: HeightRange, grid: HeightGrid, start: Int, end:
     return np.asarray((end > grid.to_units(height_range.low)) & (start < grid.to_units(height_range.high)))
 
 
-def find_event_planes(mesh: Mesh, profile: Profile) -> Float:
-    """Return the z (n,), mm, of flats, ridges, peaks, pits and range ends, next to which layers may have any height.
+def find_event_planes(mesh: Mesh, profile: Profile, unit: float) -> Float:
+    """Return the z (n,), mm, of events, next to which layers may have any height.
 
-    Nearly horizontal flats are not events of the surface, so they are added.
+    Events are flats, ridges, peaks, pits, range ends and, at multiples of `unit` in mm, the tops of supports that have
+    the layers of the part. Nearly horizontal flats are not events of the surface, so they are added.
     """
     events = read_surface(mesh).contacts.event_heights()
-    return np.concatenate([events, find_flats(mesh)[0], range_ends(profile, mesh.height)])
+    tops = find_support_contacts(mesh, profile, unit)[1] * unit
+    return np.concatenate([events, find_flats(mesh)[0], range_ends(profile, mesh.height), tops])
 
 
 def list_candidate_layers(

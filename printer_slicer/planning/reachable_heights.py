@@ -35,13 +35,15 @@ __all__ = [
 def find_event_planes(mesh: Mesh, steps: ZSteps, bottom: int) -> list[int]:
     """Return, in z steps, the flats above `bottom` on which layers can end, and the top of the part, ascending.
 
-    Of flats too close together for the printer's layers, the larger ones are kept.
+    Of flats too close together for the printer's layers, the larger ones are kept. The heights at which supports should
+    end below flats follow, if layers can end there as well.
     """
     planes = [bottom, steps.part]
     heights, areas = find_flats(mesh)
     # Areas are rounded, so that rounding errors do not decide between equal ones.
     by_area = np.lexsort((heights, -np.round(areas, 2)))
-    for plane in nearest_step(heights[by_area], steps.size).tolist():
+    flats = nearest_step(heights[by_area], steps.size)
+    for plane in [*flats.tolist(), *steps.support_tops.tolist()]:
         place = bisect_left(planes, plane)
         if 0 < place < len(planes) and planes[place] != plane:
             below, above = plane - planes[place - 1], planes[place] - plane

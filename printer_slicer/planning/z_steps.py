@@ -7,6 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PlanError
 from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.planning.support_tops import find_support_contacts
 from printer_slicer.profile import Profile
 
 __all__ = ["ZSteps", "fill_with_layers", "layer_tolerances"]
@@ -44,6 +45,7 @@ class ZSteps:
         part: height of the part in whole steps.
         first: height of the first layer in steps; 0 if the planner may choose it.
         allowed: (n,) layer heights that a planner may choose, in steps, ascending.
+        support_tops: (n,) heights at which supports should end below flats, in steps, ascending.
     """
 
     def __init__(self, mesh: Mesh, profile: Profile) -> None:
@@ -55,6 +57,7 @@ class ZSteps:
         self.part = max(self._round_to_steps(mesh.height), 1)
         self.first = self.to_steps(profile.quality.first_layer_height)
         self.allowed = self._list_allowed_heights(profile)
+        self.support_tops = find_support_contacts(mesh, profile, self.size)[1]
         if self.part < self.lowest:
             raise PlanError(
                 f"{mesh.name}: {mesh.height:.4g} mm high, thinner than the thinnest layer of "

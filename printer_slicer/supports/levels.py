@@ -180,7 +180,9 @@ def _choose_unit(profile: Profile) -> float:
 
 def _list_arcs(nodes: Float, low: float, high: float) -> ArcGraph:
     """Return the layers between nodes (n,), mm, of which the lowest is the bed and the next the first layer's top."""
-    begin = np.maximum(np.searchsorted(nodes, nodes - high - _SAME), 1)
+    # Layers of the part may be thicker than those of supports, which must have one of them if they have no others.
+    previous = np.arange(len(nodes)) - 1
+    begin = np.clip(np.searchsorted(nodes, nodes - high - _SAME), 1, np.maximum(previous, 1))
     count = np.maximum(np.searchsorted(nodes, nodes - low + _SAME, side="right") - begin, 0)
     begin[:2], count[:2] = 0, (0, 1)
     return ArcGraph(np.append(0, np.cumsum(count)), consecutive(begin, count))

@@ -9,7 +9,7 @@ from printer_slicer.surface.certificate import (
     layer_bounds,
     read_surface,
 )
-from printer_slicer.surface.flats import find_flats
+from printer_slicer.surface.flats import find_downward_flats, find_flats
 from printer_slicer.surface.thin_features import thin_areas
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "WorstLayer",
     "certificate_comments",
     "certify",
+    "find_downward_flats",
     "find_flats",
     "layer_bounds",
     "read_surface",

@@ -34,7 +34,7 @@ def rows(mesh: Mesh, wanted: Profile, *, everywhere: bool = False) -> tuple[Heig
     steps = ZSteps(mesh, wanted)
     grid = HeightGrid.of(steps, [stretch.layer_height for stretch in wanted.dials.ranges])
     return grid, list_candidate_layers(
-        find_event_planes(mesh, wanted), grid, steps, wanted, everywhere=everywhere
+        find_event_planes(mesh, wanted, grid.unit), grid, steps, wanted, everywhere=everywhere
     )
 
 
