@@ -69,7 +69,7 @@ def collect_print_facts(
     known |= {"layer_tops": _round_to_tuple(program.plan.top), "object_names": names}
     known |= {"input_filename": f"{name}.gcode" if name else "", "input_filename_base": name}
     known |= dict.fromkeys(("print_time", "normal_print_time"), format_duration(seconds))
-    return add_names_of_other_slicers(known)
+    return add_names_of_other_slicers(known | _collect_support_facts(profile))
 
 
 def _collect_bed_facts(profile: Profile, low: Float, high: Float) -> dict[str, Value]:
@@ -82,6 +82,34 @@ def _collect_bed_facts(profile: Profile, low: Float, high: Float) -> dict[str, V
         **{f"first_layer_{name}": values for name, values in first.items()},
         **{f"first_layer_print_{name}": values for name, values in first.items()},
     }
+
+
+def _collect_support_facts(profile: Profile) -> dict[str, Value]:
+    """Return the placeholders of PrusaSlicer, OrcaSlicer and Cura for settings of supports."""
+    quality, is_on = profile.quality, profile.quality.support != "off"
+    numbers = {
+        "support_material_threshold": quality.support_threshold_deg,
+        "support_threshold_angle": quality.support_threshold_deg,
+        "support_angle": 90 - quality.support_threshold_deg,
+        "support_material_contact_distance": quality.support_gap,
+        "support_top_z_distance": quality.support_gap,
+        "support_top_distance": quality.support_gap,
+        "support_material_bottom_contact_distance": quality.support_bottom_gap,
+        "support_bottom_z_distance": quality.support_bottom_gap,
+        "support_material_xy_spacing": quality.support_xy_gap,
+        "support_material_interface_layers": quality.support_interface_layers,
+        "support_interface_top_layers": quality.support_interface_layers,
+        "support_material_interface_spacing": quality.support_interface_spacing,
+    }
+    flags = {
+        **dict.fromkeys(("support_material", "enable_support", "support_enable"), is_on),
+        "support_material_auto": quality.support_places == "all",
+        "support_material_buildplate_only": quality.support_on_bed_only,
+        "support_on_build_plate_only": quality.support_on_bed_only,
+        "support_material_synchronize_layers": quality.support_sync,
+        "dont_support_bridges": quality.support_max_bridge > 0,
+    }
+    return {**numbers, **flags}
 
 
 def _collect_extruder_facts(profile: Profile, objects: int) -> dict[str, Value]:

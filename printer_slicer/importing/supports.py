@@ -27,7 +27,6 @@ _TYPES: Final = {"normal": "columns", "hybrid": "auto", "tree": "tree"}
 """Words of OrcaSlicer's support_type, without what follows in brackets."""
 _MANUAL: Final = ("normal(manual)", "tree(manual)")
 _TYPE_WORDS: Final = ("normal(auto)", "tree(auto)", "hybrid(auto)", *_TYPES, *_MANUAL)
-_ENFORCED_ONLY: Final = "only enforced places get supports in the source; here all overhangs do"
 _NUMBERS: Final = (
     ("support_gap", "support_material_contact_distance", 0, 1),
     ("support_interface_layers", "support_material_interface_layers", 0, 10),
@@ -42,7 +41,7 @@ _NUMBERS: Final = (
 )
 """Our setting, PrusaSlicer's, and the bounds here."""
 _MAX_BRIDGE: Final = 10.0  # mm, the default here
-_STEEPEST: Final = 89.0
+_FLATTEST, _STEEPEST = 5.0, 89.0  # degrees; smaller angles act as the flattest
 
 
 def convert_supports(conversion: Conversion, height: float, width: float) -> None:
@@ -88,17 +87,20 @@ def _convert_style(conversion: Conversion) -> None:
     if not preset.is_on("support_material"):
         conversion.switch_off("support", "off", "support_material")
         return
-    style, how = "auto", ""
+    style, is_enforced = "auto", False
     if preset.has("support_type"):
         word = preset.read_word("support_type", _TYPE_WORDS)
         style = _TYPES.get(word.partition("(")[0], "auto")
-        how = _ENFORCED_ONLY if word in _MANUAL else ""
+        is_enforced = word in _MANUAL
     if preset.has("support_material_style"):
         found = _STYLES.get(preset.read_word("support_material_style", _STYLES), "auto")
         style = style if found == "auto" and preset.has("support_type") else found
     if preset.has("support_material_auto") and not preset.is_on("support_material_auto"):
-        how = _ENFORCED_ONLY
-    conversion.put("support", style, names, how, differs=bool(how))
+        is_enforced = True
+    conversion.put("support", style, names)
+    if is_enforced:
+        theirs = "support_type" if preset.has("support_type") else "support_material_auto"
+        conversion.put("support_places", "enforced", theirs)
 
 
 def _convert_threshold(conversion: Conversion, height: float, width: float) -> None:
@@ -107,10 +109,10 @@ def _convert_threshold(conversion: Conversion, height: float, width: float) -> N
     if not conversion.preset.has(name):
         return
     angle, how = conversion.preset.read_number(name), ""
-    if not angle:
+    if not angle and conversion.preset.dialect != "cura":
         angle = round(degrees(atan(2 * height / width)), 1)
         how = "automatic: half an extrusion width beyond the layer below"
-    conversion.clamp("support_threshold_deg", angle, 0, _STEEPEST, name, how)
+    conversion.clamp("support_threshold_deg", angle, _FLATTEST, _STEEPEST, name, how)
 
 
 def _convert_gaps(conversion: Conversion, width: float) -> None:

@@ -171,6 +171,12 @@ FACTS: Final = _split_words("""
     first_layer_print_min first_layer_print_max first_layer_print_size print_bed_min print_bed_max print_bed_size
     extrusion_width first_layer_height extruded_volume total_cost num_objects num_instances num_extruders
     num_printing_extruders is_extruder_used print_time normal_print_time
+    support_material enable_support support_enable support_material_auto dont_support_bridges
+    support_material_threshold support_threshold_angle support_angle
+    support_material_contact_distance support_top_z_distance support_top_distance
+    support_material_bottom_contact_distance support_bottom_z_distance support_material_xy_spacing
+    support_material_interface_layers support_interface_top_layers support_material_interface_spacing
+    support_material_buildplate_only support_on_build_plate_only support_material_synchronize_layers
     has_wipe_tower has_single_extruder_multi_material_priming total_toolchanges input_filename input_filename_base
     """)
 """Placeholders of every macro, in addition to settings."""

@@ -72,11 +72,19 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             own=EACH_OBJECT,
         ),
     ] = "off"
+    support_places: Annotated[
+        Literal["all", "enforced"],
+        make_meta(
+            "where supports are made: all: under all overhangs; enforced: only in support enforcers and below "
+            "facets that are painted for supports",
+            own=EACH_OBJECT,
+        ),
+    ] = "all"
     support_threshold_deg: Annotated[
         float,
         make_meta(
-            "surfaces that are flatter than this angle from the horizontal are overhangs; those flatter than 5 "
-            "degrees always are",
+            "surfaces that are flatter than this angle from the horizontal are overhangs; angles under 5 degrees "
+            "act as 5, because ledges between two layers would pass for slopes",
             "degrees",
             ge=0,
             le=89,

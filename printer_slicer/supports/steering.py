@@ -20,28 +20,36 @@ _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
 )
 _BLOCKED: Final = "a support blocker covers it"
+_NOT_ENFORCED: Final = "supports are made only in enforced places"
 
 
 def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality) -> Overhangs:
     """Add what is enforced to what hangs, then take out what is blocked.
 
     Whatever hangs over nothing within an enforced place gets a support: at any angle, however small, and also bridges.
-    Where a place is enforced and blocked, it is blocked; islands that are blocked are listed.
+    Where a place is enforced and blocked, it is blocked; islands that are blocked are listed. With
+    `support_places = enforced`, nothing else gets a support.
 
     Args:
         overhangs: what hangs by the rules for the whole part.
         sections: the part.
         volumes: the places by layer of `overhangs.plan`.
-        quality: threshold angle.
+        quality: threshold angle, and whether only enforced places get supports.
     """
-    if not (volumes.enforce.n_rings or volumes.block.n_rings):
+    only_enforced = quality.support_places == "enforced"
+    if not (volumes.enforce.n_rings or volumes.block.n_rings or only_enforced):
         return overhangs
     plan, enforced = overhangs.plan, _find_enforced(sections.solid, volumes.enforce)
-    hanging = difference(union(overhangs.area, enforced), volumes.block)
+    hanging = difference(enforced if only_enforced else union(overhangs.area, enforced), volumes.block)
     # All of it is kept: small patches were dropped before, unless they are enforced.
     step = compute_steps(plan, quality.support_threshold_deg)
     area, patch = join_patches(hanging, hanging, Areas.empty(plan.n_layers), step, quality)
     islands = difference(overhangs.islands, volumes.block)
+    blocked = _list_places(overhangs.islands, volumes.block, plan, _BLOCKED)
+    if only_enforced:
+        left = difference(islands, enforced)
+        islands = intersection(islands, enforced)
+        blocked += _list_places(overhangs.islands, left, plan, _NOT_ENFORCED)
     return replace(
         overhangs,
         area=area,
@@ -49,7 +57,7 @@ def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, qua
         islands=islands,
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
-        blocked=_list_blocked(overhangs.islands, volumes.block, plan),
+        blocked=blocked,
     )
 
 
@@ -60,8 +68,8 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
     return offset_open(hangs.of_layers(~on_bed), _SLIVER)
 
 
-def _list_blocked(islands: Areas, block: Areas, plan: LayerPlan) -> tuple[Bare, ...]:
-    """List the islands of which more than half is blocked, from the lowest."""
+def _list_places(islands: Areas, block: Areas, plan: LayerPlan, reason: str) -> tuple[Bare, ...]:
+    """List the islands of which more than half is blocked for the same reason, from the lowest."""
     pieces = split_connected(islands)
     area, (low, high) = pieces.areas.area(), pieces.areas.boxes()
     covered = intersection(pieces.areas, block.copy_layers(pieces.layer)).area()
@@ -69,5 +77,5 @@ def _list_blocked(islands: Areas, block: Areas, plan: LayerPlan) -> tuple[Bare, 
     for piece in np.flatnonzero(covered > area / 2).tolist():
         x, y = ((low[piece] + high[piece]) / 2).tolist()
         z = float(plan.bottom[pieces.layer[piece]])
-        found.append(Bare(x, y, z, float(area[piece]), _BLOCKED, is_island=True))
+        found.append(Bare(x, y, z, float(area[piece]), reason, is_island=True))
     return tuple(found)

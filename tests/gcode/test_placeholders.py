@@ -38,6 +38,15 @@ def test_names_become_numbers_without_needless_zeros(program: Program) -> None:
     assert filled(program, wanted) == ["M109 S215", "G1 Z0.01"]
 
 
+def test_settings_of_supports_have_the_names_of_other_slicers(program: Program) -> None:
+    text = "{if support_material}on{else}off{endif} [support_material_threshold] {support_angle} {enable_support}"
+    wanted = with_start(text, support="tree", support_threshold_deg=35)
+    off = with_start("{if support_material or not support_material_auto}on{else}off{endif}")
+
+    assert filled(program, wanted) == ["on 35 55 true"]
+    assert filled(program, off) == ["off"]
+
+
 def test_a_name_may_say_its_section(program: Program) -> None:
     wanted = with_start(
         "{material.nozzle_temperature} {quality.layer_height} {quality.speeds.travel} {speeds.travel}"
