@@ -15,6 +15,7 @@ from printer_slicer.model import (
     SupportPlan,
     Supports,
     Toolpaths,
+    Volumes,
     fill_layers,
 )
 from printer_slicer.profile import Profile
@@ -46,7 +47,7 @@ def has_supports(profile: Profile) -> bool:
 
 
 def find_object_overhangs(
-    part: Mesh,
+    meshes: Sequence[Mesh],
     sections: Sequence[Sections],
     regions: Sequence[Regions],
     profiles: Sequence[Profile],
@@ -54,26 +55,30 @@ def find_object_overhangs(
     always_steer: bool = False,
     only_supported: bool = False,
 ) -> list[ObjectOverhangs]:
-    """Find what hangs in each object; volumes of the part apply to objects with supports.
+    """Find what hangs in each object; its volumes count if it has supports.
 
     Args:
-        part: the part, with its volumes.
+        meshes: of each object, with its volumes.
         sections: of each object.
         regions: of each object.
         profiles: of each object.
-        always_steer: whether volumes also apply to objects without supports.
+        always_steer: whether volumes also count without supports.
         only_supported: whether objects without supports are left out.
     """
     found = []
-    for index, (solid, area, profile) in enumerate(zip(sections, regions, profiles, strict=True)):
+    for index, (mesh, solid, area, profile) in enumerate(
+        zip(meshes, sections, regions, profiles, strict=True)
+    ):
         for own, here in _divide_by_settings(profile, solid):
             if only_supported and not has_supports(own):
                 continue
             overhangs = find_overhangs(solid, area, own)
-            if part.volumes and (always_steer or own.quality.support != "off"):
+            is_steered = mesh.volumes is not None or own.quality.support_places == "enforced"
+            if is_steered and (always_steer or own.quality.support != "off"):
                 from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
 
-                overhangs = steer(overhangs, solid, cut_volumes(part.volumes, solid.plan), own.quality)
+                volumes = cut_volumes(mesh.volumes or Volumes(), solid.plan)
+                overhangs = steer(overhangs, solid, volumes, own.quality)
             found.append(ObjectOverhangs(index, overhangs if here.all() else overhangs.of_layers(here), own))
     return found
 

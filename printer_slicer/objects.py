@@ -16,7 +16,11 @@ from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
 from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.profile import Profile
-from printer_slicer.profile.object_profiles import list_overridden_objects, make_profile_for_object
+from printer_slicer.profile.object_profiles import (
+    list_overridden_objects,
+    list_support_styles,
+    make_profile_for_object,
+)
 from printer_slicer.slicing import cut
 from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
@@ -30,8 +34,9 @@ _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
 def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
     """Split a part into groups of objects with the same layers and settings: meshes, layer plans, profiles.
 
-    Without overrides for objects the whole part is one group. Objects have the names of their file; several with the
-    same name get a number, as in `lid_2`. A single object may also be called by the name of the part.
+    Without overrides for objects the whole part is one group. An object with volumes that matter is a group of its own;
+    if a repair mixed the facets of the objects, the volumes apply to all objects. Objects have the names of their file;
+    several with the same name get a number, as in `lid_2`. A single object may also be called by the name of the part.
 
     Args:
         part: placed on the bed.
@@ -64,20 +69,31 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
 def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
     """Return groups of objects with the same settings, each with its profile."""
     overridden = list_overridden_objects(profile)
-    if not overridden:
-        return [(part, profile)]
+    has_volumes = any(item.volumes for item in part.objects)
+    is_alone = [_needs_own_group(item, profile) for item in part.objects]
+    if not overridden and (not any(is_alone) or not all(item.count for item in part.objects)):
+        return [(replace(part, volumes=part.all_volumes) if has_volumes else part, profile)]
     object_names = _list_object_names(part)
     _check_names(overridden, object_names)
     if len(object_names) == 1:
-        return [(part, make_profile_for_object(profile, object_names[0]))]
+        one = replace(part, volumes=part.all_volumes) if has_volumes else part
+        return [(one, make_profile_for_object(profile, object_names[0]))]
     _require_known_facets(part)
-    own: dict[tuple[str, ...], list[PlateObject]] = {}
-    for item, names in zip(part.objects, object_names, strict=True):
-        own.setdefault(tuple(name for name in overridden if name in names), []).append(item)
+    own: dict[tuple[tuple[str, ...], int], list[PlateObject]] = {}
+    for number, (item, names) in enumerate(zip(part.objects, object_names, strict=True)):
+        alone = number if is_alone[number] else -1
+        own.setdefault((tuple(name for name in overridden if name in names), alone), []).append(item)
     return [
         (_extract_objects(part, items), make_profile_for_object(profile, names))
-        for names, items in own.items()
+        for (names, _), items in own.items()
     ]
+
+
+def _needs_own_group(item: PlateObject, profile: Profile) -> bool:
+    """Return whether an object has volumes of its own that change the print."""
+    if item.volumes is None:
+        return False
+    return item.volumes.negative is not None or list_support_styles(profile) != {"off"}
 
 
 def _require_known_facets(part: Mesh) -> None:
@@ -125,7 +141,9 @@ def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]]) ->
 def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     """Return the given objects of a part as one mesh."""
     pieces = [part.triangles[item.first : item.first + item.count] for item in items]
-    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=part.volumes)
+    given = [one for one in (part.volumes, *(item.volumes for item in items)) if one]
+    volumes = given[0].joined(given) if given else None
+    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=volumes)
 
 
 def cut_objects(

@@ -42,7 +42,7 @@ from printer_slicer.objects import cut_objects, make_object_paths, split_objects
 from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, profile_with
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.roles import roles_with
@@ -245,9 +245,9 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None], list[Toolpaths], list[Profile]
 ]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
-    sections, own = _cut(part, plan, profile, report)
+    meshes, sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
-    found = find_object_overhangs(part, sections, regions, own, only_supported=trial)
+    found = find_object_overhangs(meshes, sections, regions, own, only_supported=trial)
     supports, support_paths = make_object_supports(found, sections, regions, report)
     report("toolpaths")
     paths, profiles = make_object_paths(
@@ -268,11 +268,11 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
 
 def _cut(
     part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, report: Report
-) -> tuple[list[Sections], list[Profile]]:
-    """Return the sections and the profile of each object."""
+) -> tuple[list[Mesh], list[Sections], list[Profile]]:
+    """Return the mesh, the sections and the profile of each object."""
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
-    return cut_objects(meshes, plans, own), own
+    return meshes, cut_objects(meshes, plans, own), own
 
 
 def _divide(
@@ -311,9 +311,11 @@ def overhangs(
     check_part(mesh, profile)
     part = place(repair(mesh.with_volumes(volumes))[0], profile.printer, placement)
     plan = plan_part(part, profile) if plan is None else plan
-    sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
+    if profile.quality.support == "off":  # volumes count only if there are supports
+        profile = profile_with(profile, {"quality.support": "columns"})
+    meshes, sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
-    found = find_object_overhangs(part, sections, regions, own, always_steer=True)
+    found = find_object_overhangs(meshes, sections, regions, own, always_steer=True)
     return Overhangs.joined([one.overhangs for one in found])
 
 

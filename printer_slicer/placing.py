@@ -78,9 +78,10 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
     if placement.drop:
         by[2] = -low[2]
     _check_position(mesh.name, low + by, high + by, printer, placement)
-    volumes = mesh.volumes and mesh.volumes.map_triangles(partial(_move_rounded, by=by))
-    items = tuple(item.moved(by) for item in mesh.objects)
-    return Mesh(_move_rounded(mesh.triangles, by), mesh.name, items, volumes)
+    move = partial(_move_rounded, by=by)
+    volumes = mesh.volumes and mesh.volumes.map_triangles(move)
+    items = tuple(replace(item.moved(by), volumes=item.map_volumes(move).volumes) for item in mesh.objects)
+    return Mesh(move(mesh.triangles), mesh.name, items, volumes)
 
 
 def _move_rounded(triangles: Float, by: Float) -> Float:
@@ -202,8 +203,10 @@ def transform(
     if np.array_equal(matrix, np.eye(3)):
         return mesh
     made = _apply_matrix(mesh.triangles, matrix)
-    volumes = mesh.volumes and mesh.volumes.map_triangles(partial(_apply_matrix, matrix=matrix))
-    return Mesh(made, mesh.name, _update_envelopes(mesh.objects, made), volumes)
+    change = partial(_apply_matrix, matrix=matrix)
+    volumes = mesh.volumes and mesh.volumes.map_triangles(change)
+    items = tuple(item.map_volumes(change) for item in mesh.objects)
+    return Mesh(made, mesh.name, _update_envelopes(items, made), volumes)
 
 
 def _apply_matrix(triangles: Float, matrix: Float) -> Float:
@@ -251,6 +254,8 @@ def _make_rotation_matrix(axis: int, angle: float) -> Float:
 def join(meshes: Sequence[Mesh]) -> Mesh:
     """Join several parts into one mesh with one object per part; positions stay the same.
 
+    Volumes that apply to all objects of a part apply only to these objects.
+
     Raises:
         UsageError: the list is empty.
     """
@@ -266,10 +271,11 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     begin = 0
     for mesh in meshes:
         own = mesh.objects or (PlateObject.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
-        items += [item.with_facets_before(begin) for item in own]
+        for item in own:
+            volumes = Volumes.joined([item.volumes, mesh.volumes])
+            items.append(replace(item.with_facets_before(begin), volumes=volumes))
         begin += mesh.n_facets
-    volumes = Volumes.joined([mesh.volumes for mesh in meshes])
-    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items), volumes)
+    return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
 
 
 def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GAP) -> Mesh:
@@ -315,5 +321,5 @@ def _update_envelopes(items: Sequence[PlateObject], triangles: Float) -> tuple[P
     for item in items:
         # A single object has all facets, even after a repair.
         facets = triangles if len(items) == 1 else triangles[item.first : item.first + item.count]
-        made.append(PlateObject.of(item.name, Mesh(facets).bounds, item.first, item.count))
+        made.append(PlateObject.of(item.name, Mesh(facets).bounds, item.first, item.count, item.volumes))
     return tuple(made)

@@ -21,6 +21,7 @@ from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
+from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -337,7 +338,7 @@ def apply_projects(
             for text in project.used:
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
     profile = profile_with(profile, changes) if changes else profile
-    warnings += _list_volume_warnings(mesh.volumes, profile)
+    warnings += _list_volume_warnings(mesh, profile)
     warn(arguments, warnings)
     return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
@@ -393,21 +394,27 @@ def _collect_project_changes(
     return changes, unused
 
 
-def _list_support_styles(profile: Profile) -> set[object]:
-    """Return the styles of supports that the profile and its overrides name."""
-    named = ("quality.support", "support")
-    return {
-        profile.quality.support,
-        *(one.set[name] for one in profile.quality.overrides for name in named if name in one.set),
-    }
-
-
-def _list_volume_warnings(volumes: Volumes | None, profile: Profile) -> list[str]:
+def _list_volume_warnings(mesh: Mesh, profile: Profile) -> list[str]:
     """Return warnings about volumes and painted facets that have no effect, or an unexpected one."""
-    if volumes is None:
-        return []
+    volumes, quality = mesh.all_volumes, profile.quality
+    styles = list_support_styles(profile)
+    has_enforcers = volumes is not None and volumes.has_enforcers
     found = []
-    if volumes.has_enforcers and _list_support_styles(profile) == {"off"}:
+    if quality.support_places == "enforced" and styles != {"off"} and not has_enforcers:
+        found.append(
+            "supports are made only in enforced places, and the model has none; set support_places = all for others"
+        )
+    if volumes is None:
+        return found
+    if (
+        len(mesh.objects) > 1
+        and not all(item.count for item in mesh.objects)
+        and any(item.volumes for item in mesh.objects)
+    ):
+        found.append(
+            "the mesh needs repair; after that, volumes and painted facets apply to all objects, not only to their own"
+        )
+    if volumes.has_enforcers and styles == {"off"}:
         what = "support enforcers" if volumes.enforce else "facets painted for supports"
         found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
     if volumes.negative:

@@ -27,7 +27,7 @@ __all__ = [
     "ObjectTable",
     "assemble_facets",
     "assemble_painted_facets",
-    "count_facets_by_object",
+    "count_facets",
     "is_mirrored",
 ]
 
@@ -215,16 +215,12 @@ def assemble_painted_facets(
     return np.concatenate(pieces), np.concatenate(states)
 
 
-def count_facets_by_object(
-    roots: Sequence[ObjectReference], bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
-) -> list[tuple[str, int]]:
-    """Return the name and the number of facets of each object on the plate, in the order of `assemble_facets`."""
-    found = []
-    for root in roots:
-        placed = _list_instances([root], bodies, path, limits)
-        count = sum(len(one.body.corners) // 3 for one in placed if one.volume_type == PART)
-        found.append((bodies[root.key].label, count))
-    return [(name, count) for name, count in found if count]
+def count_facets(
+    root: ObjectReference, bodies: Mapping[Hashable, ObjectBuilder], path: Path, limits: Limits
+) -> int:
+    """Return the number of facets of an object on the plate."""
+    placed = _list_instances([root], bodies, path, limits)
+    return sum(len(one.body.corners) // 3 for one in placed if one.volume_type == PART)
 
 
 def is_mirrored(matrix: Float) -> bool:

@@ -19,7 +19,7 @@ from printer_slicer.mesh_io.limits import LIMITS, Limits
 from printer_slicer.mesh_io.soundness import COPY_AGAIN, drop_degenerate_facets, facet_blocks
 from printer_slicer.mesh_io.units import UNITS, check_unit, unit_advice
 from printer_slicer.model import Mesh, PlateObject
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
     import os
@@ -147,11 +147,22 @@ def load_model(
         kind = _detect_format(source)
         triangles, own_unit, notes, *more = _READERS[kind](source, kind, unit, limits)
         facet_counts: list[tuple[str, int]] = more[0] if more else []
-        volumes: Volumes | None = more[1] if more else None
+        volumes: list[Volumes | None] = more[1] if more else []
         items = _list_objects(facet_counts, triangles, path.stem)
+        if len(items) > 1:
+            given = volumes or [None] * len(items)
+            items = tuple(replace(item, volumes=own) for item, own in zip(items, given, strict=True))
+            volumes = []
         kept, n_folded = drop_degenerate_facets(triangles, path)
     items = tuple(item.without_facets() for item in items) if n_folded else items
-    return Model(Mesh(kept, path.stem, items, volumes), path, kind, own_unit, n_folded, tuple(notes))
+    return Model(
+        Mesh(kept, path.stem, items, volumes[0] if volumes else None),
+        path,
+        kind,
+        own_unit,
+        n_folded,
+        tuple(notes),
+    )
 
 
 def _list_objects(

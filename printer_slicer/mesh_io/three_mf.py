@@ -18,12 +18,13 @@ import numpy as np
 
 from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.assembly import (
+    PART,
     ObjectBuilder,
     ObjectReference,
     ObjectTable,
     assemble_facets,
     assemble_painted_facets,
-    count_facets_by_object,
+    count_facets,
 )
 from printer_slicer.mesh_io.element_runs import ElementRun
 from printer_slicer.mesh_io.facet_paint import BLOCKED, ENFORCED
@@ -221,7 +222,7 @@ class _RelationshipReader(XmlReader):
 
 def read_three_mf(
     archive: Archive, limits: Limits, unit: str | None
-) -> tuple[Float, str, list[str], list[tuple[str, int]], Volumes | None]:
+) -> tuple[Float, str, list[str], list[tuple[str, int]], list[Volumes | None]]:
     """Read all build items of a 3MF archive.
 
     Args:
@@ -231,7 +232,7 @@ def read_three_mf(
 
     Returns:
         Corners (F, 3, 3), mm; the unit of the file; warnings; the name and the number of facets of each object on the
-        plate; volumes that are not printed and painted facets.
+        plate; volumes that are not printed and painted facets of each object.
 
     Raises:
         MeshError: the 3MF is not valid.
@@ -255,37 +256,38 @@ def read_three_mf(
             remedy="Mark a part as printable, then export the file again",
         )
     triangles = assemble_facets(first.items, bodies, path, limits, UNITS[own_unit])
-    counts = count_facets_by_object(first.items, bodies, path, limits)
-    return (
-        triangles,
-        own_unit,
-        notes,
-        counts,
-        _read_volumes(first.items, bodies, path, limits, UNITS[own_unit]),
+    printed = [(root, count_facets(root, bodies, path, limits)) for root in first.items]
+    printed = [(root, count) for root, count in printed if count]
+    counts = [(bodies[root.key].label, count) for root, count in printed]
+    has_volumes = any(
+        body.paint or any(use.volume_type != PART for use in body.parts) for body in bodies.values()
     )
+    volumes = [
+        _read_volumes(root, bodies, path, limits, UNITS[own_unit]) if has_volumes else None
+        for root, _ in printed
+    ]
+    return triangles, own_unit, notes, counts, volumes
 
 
 def _read_volumes(
-    items: list[ObjectReference],
+    root: ObjectReference,
     bodies: dict[Hashable, ObjectBuilder],
     path: Path,
     limits: Limits,
     scale: float,
 ) -> Volumes | None:
-    """Return the volumes that are not printed, and the painted facets; None if there are none."""
-    given = {use.volume_type for body in bodies.values() for use in body.parts}
+    """Return the volumes of an object that are not printed, and its painted facets; None if there are none."""
     meshes = dict[str, Mesh]()
     for name, volume_type in (("enforce", ENFORCE), ("block", BLOCK), ("negative", NEGATIVE)):
-        if volume_type in given:
-            triangles = assemble_facets(items, bodies, path, limits, scale, volume_type=volume_type)
-            if not (np.abs(triangles) < LARGEST).all():
-                raise MeshError(
-                    f"{path}: a {volume_type} has a coordinate that is too large or no number",
-                    remedy=EXPORT_AGAIN,
-                )
-            if len(triangles):
-                meshes[name] = Mesh(triangles, f"{path.stem}: {volume_type}")
-    pieces, state = assemble_painted_facets(items, bodies, path, limits, scale)
+        triangles = assemble_facets([root], bodies, path, limits, scale, volume_type=volume_type)
+        if not (np.abs(triangles) < LARGEST).all():
+            raise MeshError(
+                f"{path}: a {volume_type} has a coordinate that is too large or no number",
+                remedy=EXPORT_AGAIN,
+            )
+        if len(triangles):
+            meshes[name] = Mesh(triangles, f"{path.stem}: {volume_type}")
+    pieces, state = assemble_painted_facets([root], bodies, path, limits, scale)
     volumes = Volumes(
         **meshes, enforced_facets=pieces[state == ENFORCED], blocked_facets=pieces[state == BLOCKED]
     )

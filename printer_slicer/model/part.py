@@ -38,7 +38,8 @@ class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
         triangles: (F, 3, 3) mm; corners counter-clockwise seen from outside.
         name: name of the part in messages.
         objects: the objects of a plate with several; empty if the mesh is one object.
-        volumes: volumes and painted facets that steer supports or are cut out, in coordinates of the mesh.
+        volumes: volumes and painted facets that steer supports or are cut out, in coordinates of the mesh. They apply
+            to all objects; each object may have volumes of its own.
     """
 
     triangles: Float
@@ -139,6 +140,12 @@ class Mesh(SvgRepr, Struct, frozen=True, eq=False, weakref=True):
     def with_volumes(self, volumes: Volumes | None) -> Mesh:
         """Return the part with these volumes added to its own."""
         return replace(self, volumes=volumes.joined([self.volumes, volumes])) if volumes else self
+
+    @property
+    def all_volumes(self) -> Volumes | None:
+        """The volumes for all objects together with those of each object; None if there are none."""
+        given = [one for one in (self.volumes, *(item.volumes for item in self.objects)) if one]
+        return given[0].joined(given) if given else None
 
     def moved(self, by: Float | tuple[float, float, float]) -> Mesh:
         """Return the part shifted by (x, y, z) mm."""

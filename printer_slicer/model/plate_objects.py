@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.values import Struct, force_setattr, replace
+
+if TYPE_CHECKING:
+    from printer_slicer.model.volumes import Volumes
 
 __all__ = ["Labels", "PlateObject"]
 
@@ -18,6 +24,7 @@ class PlateObject(Struct, frozen=True):
         name: name of the object.
         low, high: corners of its bounding box, mm.
         first, count: range of its facets in the mesh; count 0: unknown, because the mesh was repaired.
+        volumes: volumes and painted facets that apply to this object only, in coordinates of the mesh.
     """
 
     name: str
@@ -25,16 +32,26 @@ class PlateObject(Struct, frozen=True):
     high: tuple[float, float, float]
     first: int = 0
     count: int = 0
+    volumes: Volumes | None = None
 
     @classmethod
-    def of(cls, name: str, bounds: Float, first: int, count: int) -> PlateObject:
+    def of(
+        cls, name: str, bounds: Float, first: int, count: int, volumes: Volumes | None = None
+    ) -> PlateObject:
         """Build an object from its range of facets and its bounding box `bounds` (2, 3), mm."""
         (x, y, z), (right, back, top) = bounds.tolist()
-        return cls(name, (x, y, z), (right, back, top), first, count)
+        return cls(name, (x, y, z), (right, back, top), first, count, volumes)
 
     def moved(self, by: Float) -> PlateObject:
         """Return the object shifted by (x, y, z) mm."""
-        return PlateObject.of(self.name, np.array([self.low, self.high]) + by, self.first, self.count)
+        volumes = self.volumes and self.volumes.moved(by)
+        return PlateObject.of(
+            self.name, np.array([self.low, self.high]) + by, self.first, self.count, volumes
+        )
+
+    def map_volumes(self, change: Callable[[Float], Float]) -> PlateObject:
+        """Return the object with its volumes changed by a function that takes and returns triangles, mm."""
+        return replace(self, volumes=self.volumes.map_triangles(change)) if self.volumes else self
 
     def with_facets_before(self, facets: int) -> PlateObject:
         """Return the object for a mesh in which `facets` more facets precede those of the object."""

@@ -7,7 +7,12 @@ from collections.abc import Collection, Mapping
 from printer_slicer.profile.files import profile_with
 from printer_slicer.profile.profile import Profile
 
-__all__ = ["list_height_overrides", "list_overridden_objects", "make_profile_for_object"]
+__all__ = [
+    "list_height_overrides",
+    "list_overridden_objects",
+    "list_support_styles",
+    "make_profile_for_object",
+]
 
 
 def list_overridden_objects(profile: Profile) -> tuple[str, ...]:
@@ -33,3 +38,12 @@ def make_profile_for_object(profile: Profile, names: Collection[str]) -> Profile
 def list_height_overrides(profile: Profile) -> tuple[tuple[float, float, Mapping[str, object]], ...]:
     """Return (low, high, changes) of each override for all objects, heights in mm; later overrides take precedence."""
     return tuple((one.low, one.high, one.set) for one in profile.quality.overrides if not one.object)
+
+
+def list_support_styles(profile: Profile) -> set[object]:
+    """Return the styles of supports that the profile and its overrides for objects and heights name."""
+    named = ("quality.support", "support")
+    return {
+        profile.quality.support,
+        *(one.set[name] for one in profile.quality.overrides for name in named if name in one.set),
+    }

@@ -48,7 +48,7 @@ def test_volumes_are_placed_with_the_models(folder: Path) -> None:
         "--support-blocker",
         folder / "two.stl",
     )
-    volumes = mesh.volumes
+    volumes = mesh.all_volumes
 
     assert volumes and volumes.enforce and volumes.block and not volumes.negative  # noqa: PT018 - for the types
     low = mesh.bounds[0]

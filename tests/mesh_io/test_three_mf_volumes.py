@@ -56,8 +56,8 @@ def read(folder: Path, model: str, name: str = "", config: str = "") -> Model:
 
 
 def volumes_of(model: Model) -> Volumes:
-    assert model.mesh.volumes
-    return model.mesh.volumes
+    assert model.mesh.all_volumes
+    return model.mesh.all_volumes
 
 
 def box_at(mesh: Mesh | None, x: float) -> bool:
@@ -212,7 +212,7 @@ def _mesh_with_volumes() -> Mesh:
 
 
 def _all_triangles(mesh: Mesh) -> list[Float]:
-    volumes = mesh.volumes
+    volumes = mesh.all_volumes
     assert volumes
     meshes = [one.triangles for one in (volumes.enforce, volumes.block, volumes.negative) if one]
     assert len(meshes) == 3
@@ -244,10 +244,10 @@ def test_volumes_stay_when_the_mesh_is_repaired() -> None:
 
 def test_joining_keeps_what_only_one_mesh_has() -> None:
     other = Mesh(BOX + 20, volumes=Volumes(block=Mesh(BOX + 20)))
-    volumes = join([Mesh(BOX, volumes=Volumes(enforce=Mesh(BOX))), Mesh(BOX + 10), other]).volumes
+    volumes = join([Mesh(BOX, volumes=Volumes(enforce=Mesh(BOX))), Mesh(BOX + 10), other]).all_volumes
 
     assert volumes
     assert np.array_equal(volumes.enforce.triangles, BOX)  # type: ignore[union-attr]
     assert np.array_equal(volumes.block.triangles, BOX + 20)  # type: ignore[union-attr]
     assert volumes.negative is None
-    assert join([Mesh(BOX), Mesh(BOX + 10)]).volumes is None
+    assert join([Mesh(BOX), Mesh(BOX + 10)]).all_volumes is None
