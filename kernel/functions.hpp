@@ -21,8 +21,10 @@ PyObject* inner_edges(PyObject*, PyObject* arguments);              // inner_edg
 PyObject* label_components(PyObject*, PyObject* arguments);         // keys.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);              // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);           // nearest_marked.cpp
+PyObject* nearest_segments(PyObject*, PyObject* arguments);         // polyline_tree.cpp
 PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);       // boxes.cpp
 PyObject* number_cuts(PyObject*, PyObject* arguments);              // plane_sections.cpp
+PyObject* outline_points(PyObject*, PyObject* arguments);           // outline_points.cpp
 PyObject* overlapping_boxes(PyObject*, PyObject* arguments);        // boxes.cpp
 PyObject* points_to_keep(PyObject*, PyObject* arguments);           // points_to_keep.cpp
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);      // polyline_tree.cpp

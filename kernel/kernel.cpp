@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 6;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 7;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -26,8 +26,10 @@ PyMethodDef methods[] = {
     {"label_components", label_components, METH_VARARGS, "Label connected components; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
+    {"nearest_segments", nearest_segments, METH_VARARGS, "Find the segments nearest to points; see kernel.py."},
     {"neighbouring_boxes", neighbouring_boxes, METH_VARARGS, "Find boxes that overlap; see kernel.py."},
     {"number_cuts", number_cuts, METH_VARARGS, "Number the cuts of facets; see kernel.py."},
+    {"outline_points", outline_points, METH_VARARGS, "Find the points that outlines need; see kernel.py."},
     {"overlapping_boxes", overlapping_boxes, METH_VARARGS, "Find boxes that overlap others; see kernel.py."},
     {"points_to_keep", points_to_keep, METH_VARARGS, "Find the points that paths need; see kernel.py."},
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},

@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 6  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 7  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -286,6 +286,21 @@ class Kernel(Protocol):
             ValueError: the arrays do not match, or a length is negative.
         """
 
+    def nearest_segments(self, ends: memoryview, boxes: bytes, points: memoryview, /) -> bytes:
+        """Find the segment nearest to each point, the first of several.
+
+        Args:
+            ends: (S, 4) float64, x and y of start and end of each segment.
+            boxes: the tree of these segments.
+            points: (P, 2) float64.
+
+        Returns:
+            The segments (P,) as int64.
+
+        Raises:
+            ValueError: the boxes do not belong to the segments, or an array has another shape.
+        """
+
     def neighbouring_boxes(self, low: Buffer, high: Buffer, layer: Buffer, /) -> tuple[bytes, bytes]:
         """Find pairs of boxes that overlap; see `printer_slicer.geometry.boxes`.
 
@@ -314,6 +329,21 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: as for `cut_edges`.
+        """
+
+    def outline_points(self, xy: memoryview, ring_start: memoryview, tolerance: float, /) -> bytes:
+        """Find the points that outlines need; see `printer_slicer.geometry.outline_simplification`.
+
+        Args:
+            xy: (N, 2) float64, points of the rings.
+            ring_start: (R + 1,) int64.
+            tolerance: of positions.
+
+        Returns:
+            A mask (N,) of these points.
+
+        Raises:
+            ValueError: the arrays do not match.
         """
 
     def overlapping_boxes(self, *boxes: Buffer) -> tuple[bytes, bytes]:

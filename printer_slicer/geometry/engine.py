@@ -20,6 +20,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct, per_l
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.outline_simplification import simplify_outlines
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
 
@@ -252,11 +253,9 @@ def simplify(areas: Areas, tolerance: float) -> Areas:
     Source: Douglas & Peucker, Algorithms for the reduction of the number of points required to represent a
     digitized line or its caricature, 1973.
     """
-    from printer_slicer.geometry import planar  # noqa: PLC0415 - only loaded when something is simplified
-
     if not tolerance >= 0:
         raise ValueError(f"tolerance must be 0 or more, got {tolerance}")
-    return planar.simplify(areas, tolerance)
+    return simplify_outlines(areas, tolerance)
 
 
 def window_intersection(areas: Areas, first: Int, last: Int) -> Areas:

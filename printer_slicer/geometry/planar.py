@@ -1,4 +1,4 @@
-"""Alternative geometry engine: shapely, in floating point. It also simplifies rings for both engines.
+"""Alternative geometry engine: shapely, in floating point. It also simplifies rings if there is no kernel.
 
 A layer is one shapely geometry: one or more polygons, possibly empty. Layers are stored in lists and processed as
 arrays in single calls.
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.areas import Areas
+from printer_slicer.geometry.collinear_points import remove_collinear
 from printer_slicer.geometry.polygons import (
     CLEARANCE,
     MITER_LIMIT,
@@ -33,13 +34,12 @@ __all__ = [
     "SegmentTree",
     "combine",
     "concatenate",
-    "convex_hull",
     "load",
     "load_any",
     "offset",
     "offset_open",
     "outlines_within",
-    "simplify",
+    "simplify_rings",
     "store",
     "stroke",
     "take",
@@ -52,10 +52,6 @@ OPERATIONS: Final = {
     "difference": shapely.difference,
     "intersection": shapely.intersection,
 }
-
-# Two directions count as equal if their cross product (a small angle, radians) is below this. Coordinates of 300 mm
-# are exact to 6e-14 mm, so the direction of a side of some tenths of a mm is exact to about this angle.
-STRAIGHT: Final = 1e-12
 
 
 def load(areas: Areas) -> list[Any]:
@@ -86,7 +82,7 @@ def store(layers: list[Any]) -> Areas:
     rings, polygon = shapely.get_rings(shapely.orient_polygons(polygons[solid]), return_index=True)
     areas = _build_areas(rings, layer[solid][polygon], len(layers))
     grid = np.rint(areas.xy * STEPS_PER_MM) / STEPS_PER_MM
-    return remove_spikes(_remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
+    return remove_spikes(remove_collinear(Areas(grid, areas.ring_start, areas.ring_layer, areas.n_layers)))
 
 
 def take(layers: list[Any], indices: Int) -> list[Any]:
@@ -167,28 +163,10 @@ def _buffer_mitered(shapes: Shapes, distance: Float, limit: float) -> Shapes:
     return buffered
 
 
-def simplify(areas: Areas, tolerance: float) -> Areas:
-    """Remove points from rings, so that no outline moves by more than `tolerance` mm; see `engine.simplify`."""
-    turned = _start_at_leftmost(areas.select(np.diff(areas.ring_start) >= 3))
-    if tolerance == 0:
-        return _remove_collinear(turned)
-    rings = shapely.simplify(_to_linear_rings(turned), tolerance, preserve_topology=False)
-    simple = _build_areas(rings, turned.ring_layer, turned.n_layers)
-    sizes = np.diff(simple.ring_start)
-    kept = sizes >= 3
-    # Drop rings that changed direction: a hole would become a solid.
-    before, simple = turned.select(kept).ring_area(), simple.select(kept)
-    # A ring that crosses itself may have a total area of zero.
-    return simple.select((simple.ring_area() * before > 0) | (before == 0))
-
-
-def convex_hull(points: Float) -> Areas:
-    """Return the convex hull of points (N, 2) as a stack of one layer; empty if they span no area."""
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    if shapely.get_type_id(hull) != shapely.GeometryType.POLYGON:
-        return Areas.empty(1)
-    ring = shapely.get_coordinates(shapely.orient_polygons(hull))[:-1]
-    return Areas.from_rings([[np.asarray(ring, np.float64)]])
+def simplify_rings(areas: Areas, tolerance: float) -> Areas:
+    """Simplify rings, each of which begins at a corner, see `engine.simplify`; some may collapse."""
+    rings = shapely.simplify(_to_linear_rings(areas), tolerance, preserve_topology=False)
+    return _build_areas(rings, areas.ring_layer, areas.n_layers)
 
 
 def _to_shape_array(layers: list[Any]) -> Shapes:
@@ -291,50 +269,6 @@ def _make_corner_kites(areas: Areas, distance: Float, limit: float) -> tuple[Sha
     return shapely.union_all(_group_by_layer(kites, layer[chosen], areas.n_layers)[:, None], axis=1), sharp
 
 
-def _start_at_leftmost(areas: Areas) -> Areas:
-    """Rotate each ring so that it starts at its leftmost point, the lowest if there are several."""
-    if not areas.n_rings:
-        return areas
-    start, sizes = areas.ring_start[:-1], np.diff(areas.ring_start)
-    x, y = areas.xy.T
-    leftmost = x == np.repeat(np.minimum.reduceat(x, start), sizes)
-    height = np.where(leftmost, y, np.inf)
-    lowest = np.flatnonzero(height == np.repeat(np.minimum.reduceat(height, start), sizes))
-    ring = np.searchsorted(areas.ring_start, lowest, side="right") - 1
-    begin = np.zeros_like(start)
-    begin[ring[::-1]] = lowest[::-1] - start[ring[::-1]]
-    place = np.arange(len(x)) - np.repeat(start - begin, sizes)
-    size = np.repeat(sizes, sizes)
-    place -= np.where(place >= size, size, 0)
-    return Areas(
-        areas.xy.take(np.repeat(start, sizes) + place, axis=0),
-        areas.ring_start,
-        areas.ring_layer,
-        areas.n_layers,
-    )
-
-
-def _remove_collinear(areas: Areas) -> Areas:
-    """Remove repeated points and points on the straight line between their neighbours."""
-    while True:
-        keep = _is_corner(areas)
-        if keep.all():
-            return areas
-        areas = areas.of_points(keep)
-
-
-def _is_corner(areas: Areas) -> Bool:
-    """Return a mask (N,) of points that do not repeat the previous one; if none does, of points where rings turn."""
-    following, previous = areas.following, areas.previous
-    x, y = np.ascontiguousarray(areas.xy.T)
-    ahead_x, ahead_y = x.take(following) - x, y.take(following) - y
-    length = ahead_x**2 + ahead_y**2
-    if not length.all():
-        return np.asarray(length[previous] > 0)
-    cross = ahead_x[previous] * ahead_y - ahead_y[previous] * ahead_x
-    return np.asarray(cross**2 > STRAIGHT**2 * length * length[previous])
-
-
 class SegmentTree:
     """Search tree for segments in the plane."""
 
@@ -346,6 +280,13 @@ class SegmentTree:
         """Return the segment (P,) nearest to each point (P, 2); if several are equally near, any of these."""
         found = self._tree.query_nearest(shapely.points(points), all_matches=False)
         return np.asarray(found[1], dtype=np.int64)
+
+    def first_nearest(self, points: Float) -> Int:
+        """Return the segment (P,) nearest to each point (P, 2), the first of several."""
+        point, segment = self._tree.query_nearest(shapely.points(points))
+        first = np.full(len(points), np.iinfo(np.int64).max)
+        np.minimum.at(first, point, segment)
+        return first
 
     def query_boxes(self, low: Float, high: Float) -> tuple[Int, Int]:
         """Return index pairs (box, segment) where the bounding box of a segment touches a box `low`-`high` (B, 2)."""

@@ -26,8 +26,13 @@ class PolylineTree:
         self._boxes = self._kernel.build_polyline_tree(self._ends.data) if self._kernel else b""
 
     def nearest(self, points: Float) -> Int:
-        """Return the segment (P,) nearest to each point (P, 2); if several are equally near, any of these."""
-        return self._planar.nearest(points)
+        """Return the segment (P,) nearest to each point (P, 2), the first of several."""
+        if not self._kernel:
+            return self._planar.first_nearest(points)
+        points = np.ascontiguousarray(points, np.float64)
+        return np.frombuffer(
+            self._kernel.nearest_segments(self._ends.data, self._boxes, points.data), np.int64
+        )
 
     def query_boxes(self, low: Float, high: Float) -> tuple[Int, Int]:
         """Return index pairs (box, segment) where the bounding box of a segment touches a box `low`-`high` (B, 2).
