@@ -196,8 +196,10 @@ class CuraEngine:
             settings["line_width"] = round(float(bead.spacing(part.profile.extrusion_width, height)), 4)
         return self._sliced(part, f"uniform {height:g}", settings, cut_ratio=0.5)
 
-    def adaptive(self, part: Part, threshold: float, step: float = 0.01) -> Printed:
+    def adaptive(self, part: Part, threshold: float, step: float = 0.01, **more: object) -> Printed:
         """Slice with adaptive layers: `threshold` is how far stairs may extend, `step` how fast heights change, mm.
+
+        `more` are further settings of it.
 
         It has one variation for both directions, so its heights are nominal ± the wider side of the part's range.
         """
@@ -209,6 +211,7 @@ class CuraEngine:
             "adaptive_layer_height_variation": round(variation, 6),
             "adaptive_layer_height_variation_step": step,
             "adaptive_layer_height_threshold": threshold,
+            **more,
         }
         return self._sliced(part, f"adaptive {threshold:g}/{step:g}", settings, cut_ratio=1.0)
 
