@@ -36,7 +36,7 @@ def figure() -> Mesh:
     for way in (-1.0, 1.0):
         arm = _limb((4.0, 0.0, 38.0), (24.0, -4.0, 27.0), 2.5)
         hand = round_body([(3.5 * np.sin(t), 26 - 3.5 * np.cos(t)) for t in angle], at=(24.0, -4.0))
-        wing = Mesh(loft([_wing(5.0), _wing(6.2)], [0.0, 1.0]), "wing")
+        wing = Mesh(loft([_wing(5.0), _wing(6.2)], [0.0, 1.6]), "wing")
         upright = _mapped(wing, np.array([(1.0, 0, 0), (0, 0, 1.0), (0, 1.0, 0)]), (0.0, 4.0, 30.0))
         parts += [_mirrored(one, way) for one in (arm, hand, upright)]
     return joined(parts, "figure")

@@ -30,7 +30,7 @@ _STEP: Final = 0.1  # mm between the sections in which islands are sought
 _ON_BED: Final = 0.25  # mm; pieces that begin lower are printed on the bed
 _LEAST_ISLAND: Final = 0.2  # mm of height; lower ones are gone before a layer is printed
 _DIRECTIONS: Final = 36  # of bridges
-_SAMPLES: Final = 2000  # cells by which the direction of a bridge is chosen
+_SAMPLES: Final = 500  # cells by which the direction of a bridge is chosen
 
 
 @dataclass(frozen=True)
