@@ -1,0 +1,218 @@
+"""Find which stretches of the beads of supports lie on something, layer by layer from the bed upwards.
+
+Beads are sampled along their centre lines. A raster of cells holds what the beads of one layer cover. A sample of the
+layer above is carried if about half of its width lies over covered cells, over the part, or on the bed.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.geometry import find_enclosing_rings
+from printer_slicer.geometry.raster import CellGrid, Float32
+from printer_slicer.model import LayerPlan, Sections, Toolpaths
+from printer_slicer.values import Struct
+
+__all__ = ["BeadMap", "BeadSamples", "PartBelow", "find_carried", "find_repeated_layers", "sample_beads"]
+
+_CELL: Final = 0.2  # mm
+_STEP: Final = 0.9  # cells between samples along a bead; less than one, so that no cell below it is left out
+_SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stand for its sides
+_SLACK: Final = 1 / 8  # widths from the middle up to which a bead may hang over an edge
+_BEYOND: Final = 1.5  # mm, margin of the grid
+_ROUNDING: Final = 1e-6  # mm
+_BELOW: Final = 0.02  # mm; a bead lies on beads whose top is this little lower
+
+_Int32 = NDArray[np.int32]
+
+
+class BeadSamples(Struct, frozen=True, eq=False):
+    """Points along the middles of beads, in the order of the paths.
+
+    Attributes:
+        grid: the cells.
+        x, y: (n,) position in cells from the corner of the grid.
+        across: (B, 2) for each bead (line segment), its width as a vector to the left, in cells.
+        bead: (n,) the bead of each sample.
+        path: (n,) its path.
+        length: (n,) length for which the sample stands, mm.
+        layer_start: (S + 1,) the samples of layer `i` are `layer_start[i]:layer_start[i + 1]`.
+    """
+
+    grid: CellGrid
+    x: Float32
+    y: Float32
+    across: Float32
+    bead: Int
+    path: Int
+    length: Float
+    layer_start: Int
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.x)
+
+    def points(self, which: Int, aside: float = 0.0) -> Float:
+        """Return the positions (k, 2) of samples (k,), mm, moved by `aside` widths to the left."""
+        place = np.column_stack([self.x[which], self.y[which]]) + aside * self.across[self.bead[which]]
+        return np.asarray(place.astype(np.float64) * self.grid.cell + (self.grid.x, self.grid.y))
+
+    def cells(self, some: slice | Int, aside: float = 0.0) -> _Int32:
+        """Return the cells (k,) of some samples, moved by `aside` widths to the left."""
+        x, y = self.x[some], self.y[some]
+        if aside:
+            way = self.across[self.bead[some]]
+            x, y = x + np.float32(aside) * way[:, 0], y + np.float32(aside) * way[:, 1]
+        return np.asarray(y.astype(np.int32) * np.int32(self.grid.n_columns) + x.astype(np.int32))
+
+
+def sample_beads(paths: Toolpaths, of_layers: Bool | None = None, cell: float = _CELL) -> BeadSamples:
+    """Return samples of all paths (at least one), or of those in the layers of a mask (S,).
+
+    Cells are `cell` mm wide.
+    """
+    begin, end = paths.ends_of_beads
+    path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
+    if of_layers is not None:
+        some = of_layers[paths.layer[path]]
+        begin, end, path = begin[some], end[some], path[some]
+    first = (paths.xy[begin] - (grid.x, grid.y)) / grid.cell
+    way = (paths.xy[end] - paths.xy[begin]) / grid.cell
+    length = np.hypot(*way.T)
+    count = np.maximum(np.ceil(length / _STEP), 1.0).astype(np.int64)
+    across = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    across *= paths.width[begin][:, None] / grid.cell
+    bead = np.repeat(np.arange(len(begin)), count)
+    step = (way / count[:, None]).astype(np.float32)
+    place = (first + way / (2 * count)[:, None]).astype(np.float32)
+    number = consecutive(np.zeros(len(count), np.int64), count).astype(np.float32)
+    x, y = (place[bead, axis] + number * step[bead, axis] for axis in range(2))
+    of_path = path[bead]
+    return BeadSamples(
+        grid,
+        x,
+        y,
+        across.astype(np.float32),
+        bead,
+        of_path,
+        (length * (grid.cell / count))[bead],
+        np.searchsorted(paths.layer[of_path], np.arange(paths.plan.n_layers + 1)),
+    )
+
+
+def find_repeated_layers(paths: Toolpaths) -> Bool:
+    """Return a mask (S,) of layers with the same paths as the layer below them, on which they lie."""
+    layers = paths.plan
+    point_layer = np.repeat(paths.layer, np.diff(paths.start))
+    start = np.searchsorted(point_layer, np.arange(layers.n_layers + 1))
+    count = np.diff(start)
+    same = np.append(False, (count[1:] == count[:-1]) & (count[1:] > 0))
+    same &= find_gapless_layers(layers)
+    candidate = np.flatnonzero(same[point_layer])
+    differs = (paths.xy[candidate] != paths.xy[candidate - count[point_layer[candidate]]]).any(axis=1)
+    same[point_layer[candidate[differs]]] = False
+    return same
+
+
+class PartBelow(Struct, frozen=True, eq=False):
+    """What of the part lies right below each support layer.
+
+    Attributes:
+        sections: the part.
+        first, last: (S,) range of layers of the part whose tops carry beads of each support layer.
+    """
+
+    sections: Sections
+    first: Int
+    last: Int
+
+    @classmethod
+    def of(cls, sections: Sections, layers: LayerPlan, gap: float) -> PartBelow:
+        """Find the layers of the part; supports end at most `gap` and one support layer above it."""
+        reach = gap + float(layers.height.max(initial=0.0)) + _ROUNDING
+        top, bottom = sections.plan.top, layers.bottom
+        first = np.searchsorted(top, bottom - reach)
+        return cls(sections, first, np.searchsorted(top, bottom + _ROUNDING, side="right"))
+
+    def carries(self, samples: BeadSamples, which: Int, layer: Int) -> Bool:
+        """Return which (k,) of some samples (k,) on support layers (k,), ascending, lie over the part."""
+        result = np.zeros(len(which), np.bool_)
+        first, last = self.first[layer], self.last[layer]
+        for step in range(int((last - first).max(initial=0))):
+            for aside in (0.0, -_SIDE, _SIDE):
+                left = np.flatnonzero(~result & (first + step < last))
+                result[left] = self._contains(samples.points(which[left], aside), first[left] + step)
+        return result
+
+    def _contains(self, points: Float, layer: Int) -> Bool:
+        """Return which points (k, 2) lie in the section of their layer (k,), ascending."""
+        if not len(points):
+            return np.zeros(0, np.bool_)
+        low, high = int(layer[0]), int(layer[-1]) + 1
+        solid = self.sections.solid.copy_layers(np.arange(low, high))
+        ring = find_enclosing_rings(solid, points, layer - low)
+        return np.asarray((ring >= 0) & (solid.ring_area()[ring] > 0)) if solid.n_rings else ring >= 0
+
+
+def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:
+    """Return which samples (n,) lie on beads of the layer below or on the bed.
+
+    Layers without samples count as equal to the layer below, see `find_repeated_layers`.
+    """
+    carried = np.zeros(samples.count, np.bool_)
+    covered, start = BeadMap(samples), samples.layer_start.tolist()
+    on_bed, gapless = find_layers_on_bed(paths.plan), find_gapless_layers(paths.plan)
+    for layer, (first, last) in enumerate(pairwise(start)):
+        some = slice(first, last)
+        if last == first:
+            continue
+        carried[some] = True if on_bed[layer] else gapless[layer] and covered.carries(some)
+        covered.mark(some)
+    return carried
+
+
+def find_layers_on_bed(layers: LayerPlan) -> Bool:
+    """Return a mask (S,) of support layers that lie on the bed."""
+    return np.asarray(layers.bottom <= _ROUNDING)
+
+
+def find_gapless_layers(layers: LayerPlan) -> Bool:
+    """Return a mask (S,) of support layers that begin where the layer before ends."""
+    return np.append(False, np.abs(layers.bottom[1:] - layers.top[:-1]) <= _BELOW)[: layers.n_layers]
+
+
+class BeadMap:
+    """Which cells the beads of one layer cover.
+
+    Args:
+        samples: of the beads of all layers.
+    """
+
+    def __init__(self, samples: BeadSamples) -> None:
+        self._samples = samples
+        self.covered = np.zeros(samples.grid.n_cells, np.bool_)
+        self._marked: list[_Int32] = []
+
+    def mark(self, some: slice | Int) -> None:
+        """Mark what the beads of some samples cover, and nothing else."""
+        for cells in self._marked:
+            self.covered[cells] = False
+        self._marked = [self._samples.cells(some, aside) for aside in (0.0, -_SIDE, _SIDE)]
+        for cells in self._marked:
+            self.covered[cells] = True
+
+    def carries(self, some: slice) -> Bool:
+        """Return which (k,) of some samples lie on the marked beads with about half of their width."""
+        carried = self.covered[self._samples.cells(some)]
+        for asides, enough in (((-_SLACK, _SLACK), np.logical_or), ((-_SIDE, _SIDE), np.logical_and)):
+            left = np.flatnonzero(~carried)
+            sides = [self.covered[self._samples.cells(left + some.start, aside)] for aside in asides]
+            carried[left] = enough(*sides)
+        return np.asarray(carried)

@@ -1,0 +1,200 @@
+"""Put narrow columns under beads of supports that hang over nothing and are needed."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    find_enclosing_rings,
+    normalize,
+    offset,
+    offset_open,
+    split_connected,
+    stroke_lines,
+    union,
+)
+from printer_slicer.geometry.raster import clearance
+from printer_slicer.model import Overhangs, SupportPlan, Toolpaths
+from printer_slicer.roles import Role
+from printer_slicer.supports.bead_samples import BeadMap, BeadSamples, sample_beads
+from printer_slicer.supports.hanging_beads import HangingRules, find_hanging_beads
+from printer_slicer.values import Struct
+
+__all__ = ["CarryingColumns", "carry_beads", "find_contact_areas", "find_needed_paths"]
+
+_REACH: Final = 1.0  # mm sideways from a bead to what it carries
+_THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
+_CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
+
+
+class CarryingColumns(Struct, frozen=True, eq=False):
+    """Columns under hanging beads.
+
+    Attributes:
+        area: by support layer.
+        paths: their loops.
+    """
+
+    area: Areas
+    paths: Toolpaths
+
+
+def find_contact_areas(overhangs: Overhangs, plan: SupportPlan, some: Bool) -> Areas:
+    """Return what hangs right above some support layers, a mask (S,), grown as far as a bead carries sideways."""
+    carrier = plan.carrier[overhangs.area.ring_layer]
+    order = np.argsort(carrier, kind="stable")
+    order = order[(carrier[order] >= 0) & some[carrier[order]]]
+    return offset(normalize(overhangs.area.restacked(order, carrier[order], plan.layers.n_layers)), _REACH)
+
+
+def find_needed_paths(samples: BeadSamples, paths: Toolpaths, kept: Bool, contacts: Areas) -> Bool:
+    """Return a mask (M,) of paths without which something that hangs would stay bare.
+
+    These are lost paths under what hangs, if no other bead is near, and lost paths below them.
+
+    Args:
+        samples: of all beads.
+        paths: the beads.
+        kept: (n,) samples that would remain if everything were taken out that does not stand.
+        contacts: see `find_contact_areas`.
+    """
+    needed, start = np.zeros(paths.n_paths, np.bool_), samples.layer_start
+    covered = BeadMap(samples)
+    for layer in range(paths.plan.n_layers - 1, -1, -1):
+        some = np.arange(start[layer], start[layer + 1])
+        lost = some[~kept[some]]
+        if not len(lost):
+            covered.mark(lost)
+            continue
+        is_contact = _lies_in(contacts, samples.points(lost), layer)
+        if is_contact.any():
+            is_contact &= ~_has_neighbours(samples, lost, some[kept[some]])
+        needed[samples.path[lost[is_contact | covered.covered[samples.cells(lost)]]]] = True
+        covered.mark(some[needed[samples.path[some]]])
+    return needed
+
+
+def _lies_in(areas: Areas, points: Float, layer: int) -> Bool:
+    """Return which points (k, 2) lie in the areas of a layer."""
+    own = areas.copy_layers(np.array([layer]))
+    if not own.n_rings:
+        return np.zeros(len(points), np.bool_)
+    ring = find_enclosing_rings(own, points, np.zeros(len(points), np.int64))
+    return np.asarray((ring >= 0) & (own.ring_area()[ring] > 0))
+
+
+def _has_neighbours(samples: BeadSamples, which: Int, others: Int) -> Bool:
+    """Return which of some samples (k,) have one of the others (m,) within reach."""
+    grid = samples.grid
+    covered = np.zeros(grid.n_cells, np.bool_)
+    covered[samples.cells(others)] = True
+    away = clearance(covered.reshape(grid.n_rows, grid.n_columns), grid.cell, 2 * _REACH)
+    return np.asarray(away.reshape(-1)[samples.cells(which)] <= _REACH)
+
+
+def carry_beads(
+    samples: BeadSamples,
+    paths: Toolpaths,
+    hanging: Bool,
+    blocked: Areas,
+    rules: HangingRules,
+) -> CarryingColumns:
+    """Return columns of two walls under hanging stretches, down to the next thing on which they stand.
+
+    Args:
+        samples: of the beads.
+        paths: the beads.
+        hanging: (n,) samples that are to be carried.
+        blocked: areas by layer that must stay free.
+        rules: how far beads may hang.
+    """
+    layers, n_layers = paths.plan, paths.plan.n_layers
+    wanted = _draw_stretches(samples, paths, hanging)
+    width = np.zeros(n_layers)
+    width[paths.layer] = paths.width[paths.start[:-1]]
+    column, areas, loops = Areas.empty(1), list[Areas](), list[Toolpaths]()
+    for layer in range(n_layers - 2, -1, -1):
+        at = np.array([layer])
+        above = wanted.copy_layers(at + 1)
+        column = union(column, above) if column.n_rings and above.n_rings else column.merge(above)
+        if not column.n_rings:
+            continue
+        own = paths.take(np.flatnonzero(paths.layer == layer))
+        free = difference(difference(column, blocked.copy_layers(at)), _draw_beads(own))
+        column = offset_open(free, _THINNEST * float(width[layer] or width.max()))
+        areas.append(column.on_layers(at, n_layers))
+        walls = _lay_walls(column, float(width[layer] or width.max()), paths, layer)
+        loops.append(walls)
+        column = _find_floating(column, walls, paths, rules, layer)
+    made = Toolpaths.joined(layers, [*loops, paths.take(np.zeros(0, np.int64))])
+    return CarryingColumns(Areas.concatenate(areas[::-1], n_layers), made)
+
+
+def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:
+    """Return the areas of hanging stretches, twice as wide as their beads, by layer."""
+    which = np.flatnonzero(hanging)
+    begins = np.append(True, (np.diff(which) != 1) | (np.diff(samples.path[which]) != 0))
+    # A single sample is a short line.
+    again = np.repeat(which, 2)
+    half = np.where(np.arange(len(again)) % 2, 0.5, -0.5)[:, None] * _measure_ways(samples, again)
+    points = samples.points(again) + half
+    start = np.append(2 * np.flatnonzero(begins), 2 * len(which))
+    of_run = samples.path[which[begins]]
+    width = paths.width[paths.start[of_run]]
+    return stroke_lines(points, start, paths.layer[of_run], width, paths.plan.n_layers)
+
+
+def _measure_ways(samples: BeadSamples, which: Int) -> Float:
+    """Return the way (k, 2) that each of some samples stands for, mm."""
+    across = samples.across[samples.bead[which]].astype(np.float64)
+    way = np.column_stack([across[:, 1], -across[:, 0]])
+    way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    return np.asarray(way * samples.length[which, None])
+
+
+def _draw_beads(paths: Toolpaths) -> Areas:
+    """Return what paths of one layer cover, as a stack of one layer."""
+    if not paths.n_paths:
+        return Areas.empty(1)
+    begin, end = paths.ends_of_beads
+    points = np.stack([paths.xy[begin], paths.xy[end]], axis=1).reshape(-1, 2)
+    zero = np.zeros(len(begin), np.int64)
+    return stroke_lines(points, 2 * np.arange(len(begin) + 1), zero, paths.width[begin] / 2, 1)
+
+
+def _lay_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Toolpaths:
+    """Return the loops around the columns of one layer."""
+    loops = offset(column, -width / 2)
+    return Toolpaths.gathered(
+        paths.plan,
+        xy=loops.xy,
+        size=np.diff(loops.ring_start),
+        layer=np.full(loops.n_rings, layer),
+        role=np.full(loops.n_rings, Role.SUPPORT),
+        width=np.full(loops.n_rings, width),
+        closed=True,
+    )
+
+
+def _find_floating(
+    column: Areas, walls: Toolpaths, paths: Toolpaths, rules: HangingRules, layer: int
+) -> Areas:
+    """Return the columns of a layer whose walls hang over the beads below."""
+    if not layer or not walls.n_paths:
+        return Areas.empty(1)
+    below = paths.take(np.flatnonzero(paths.layer == layer - 1))
+    both = Toolpaths.joined(paths.plan, [below, walls])
+    samples = sample_beads(both)
+    hanging = find_hanging_beads(samples, both, rules)
+    places = samples.points(np.flatnonzero(hanging & (samples.path >= below.n_paths)))
+    if not len(places):
+        return Areas.empty(1)
+    pieces = split_connected(column)
+    ring = find_enclosing_rings(column, places, np.zeros(len(places), np.int64))
+    which = np.unique(pieces.of_ring[ring[ring >= 0]])
+    return pieces.on_layers(1, which)

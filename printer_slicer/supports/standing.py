@@ -1,0 +1,163 @@
+"""Check that all beads of supports stand on something, as they are printed; carry or take out what does not."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Float
+from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected, union
+from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
+from printer_slicer.profile import Profile, Quality
+from printer_slicer.supports.bead_samples import find_repeated_layers, sample_beads
+from printer_slicer.supports.blocked_areas import find_blocked_areas
+from printer_slicer.supports.carrying import carry_beads, find_contact_areas, find_needed_paths
+from printer_slicer.supports.hanging_beads import (
+    HangingRules,
+    find_hanging_beads,
+    keep_samples,
+    remove_hanging,
+)
+from printer_slicer.values import Struct, replace
+
+__all__ = ["StandingSupports", "check_standing"]
+
+_ROUNDS: Final = 2  # of columns under hanging beads
+_NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
+_AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
+
+
+class StandingSupports(Struct, frozen=True, eq=False):
+    """Supports of which every bead stands.
+
+    Attributes:
+        supports: areas by support layer.
+        paths: the beads.
+        removed: (n, 3) places of beads that were taken out because they had nothing to stand on, mm.
+    """
+
+    supports: Supports
+    paths: Toolpaths
+    removed: Float
+
+
+def check_standing(
+    supports: Supports, paths: Toolpaths, overhangs: Overhangs, sections: Sections, profile: Profile
+) -> StandingSupports:
+    """Return supports in which every bead stands on beads that stand, on the part or on the bed.
+
+    A bead stands if about half of its width lies on something over most of its length. Lines may span the distance
+    between two rows or joists. Beads that hang get columns of their own if something needs them. They are taken out if
+    nothing needs them, or if there is no place for a column. If all beads stand, the same values are returned.
+
+    Args:
+        supports: areas by support layer.
+        paths: their beads, on the layers of supports.
+        overhangs: what hangs.
+        sections: the part, all objects.
+        profile: gaps and spacings of supports.
+    """
+    none = np.zeros((0, 3))
+    if not paths.n_paths:
+        return StandingSupports(supports, paths, none)
+    rules = HangingRules.of(sections, paths.plan, profile.quality)
+    samples = sample_beads(paths, ~find_repeated_layers(paths))
+    if not find_hanging_beads(samples, paths, rules).any():
+        return StandingSupports(supports, paths, none)
+    supports, paths = _carry(supports, paths, (overhangs, sections, profile), rules)
+    paths, removed = _remove(paths, rules)
+    return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
+
+
+def _remove(paths: Toolpaths, rules: HangingRules) -> tuple[Toolpaths, Float]:
+    """Return the beads that stand, and the places (n, 3) of those that were taken out, mm."""
+    removed = [np.zeros((0, 3))]
+    while paths.n_paths:
+        samples = sample_beads(paths)
+        hanging = find_hanging_beads(samples, paths, rules)
+        if not hanging.any():
+            break
+        kept = remove_hanging(samples, paths, hanging, rules)
+        lost = np.flatnonzero(~kept)
+        removed.append(np.column_stack([samples.points(lost), paths.z_top[samples.path[lost]]]))
+        paths = keep_samples(samples, paths, kept)
+    return paths, np.concatenate(removed)
+
+
+def _carry(
+    supports: Supports,
+    paths: Toolpaths,
+    made_for: tuple[Overhangs, Sections, Profile],
+    rules: HangingRules,
+) -> tuple[Supports, Toolpaths]:
+    """Put columns under hanging beads that are needed; return all areas and beads."""
+    overhangs, sections, profile = made_for
+    quality, layers = profile.quality, supports.plan.layers
+    blocked = None
+    for _ in range(_ROUNDS):
+        samples = sample_beads(paths)
+        hanging = find_hanging_beads(samples, paths, rules)
+        kept = remove_hanging(samples, paths, hanging, rules)
+        lost = np.zeros(layers.n_layers, np.bool_)
+        lost[paths.layer[samples.path[~kept]]] = True
+        contacts = find_contact_areas(overhangs, supports.plan, lost)
+        hanging &= find_needed_paths(samples, paths, kept, contacts)[samples.path]
+        if not hanging.any():
+            break
+        blocked = blocked or _find_blocked(sections, layers, quality)
+        made = carry_beads(samples, paths, hanging, blocked, rules)
+        if not made.paths.n_paths:
+            break
+        paths = Toolpaths.joined(layers, [paths, made.paths])
+        supports = replace(supports, base=union(supports.base, made.area))
+    return supports, paths
+
+
+def _find_blocked(sections: Sections, layers: LayerPlan, quality: Quality) -> Areas:
+    """Return the areas by support layer in which no column may be."""
+    xy_gap, gaps = quality.support_xy_gap, (quality.support_bottom_gap, quality.support_gap)
+    blocked = find_blocked_areas(sections, layers, xy_gap, gaps, min(xy_gap, _NEAR_GAP))
+    if not quality.support_on_bed_only:
+        return blocked
+    below = np.searchsorted(sections.plan.top, layers.bottom, side="right").tolist()
+    shadow, shadows, first = Areas.empty(1), list[Areas](), 0
+    for layer, last in enumerate(below):
+        for k in range(first, last):
+            shadow = union(shadow, sections.solid.copy_layers(np.array([k])))
+        first = max(first, last)
+        shadows.append(shadow.on_layers(np.array([layer]), layers.n_layers))
+    return union(blocked, Areas.concatenate(shadows, layers.n_layers))
+
+
+def _drop_empty_areas(supports: Supports, paths: Toolpaths, removed: Float) -> Supports:
+    """Return supports without the connected areas of which all beads were taken out."""
+    if not len(removed):
+        return supports
+    layers = supports.plan.layers
+    lost = layers.find_tops(removed[:, 2])
+    order = np.argsort(lost, kind="stable")
+    changed = np.zeros(layers.n_layers, np.bool_)
+    changed[lost] = True
+    rest, at = np.zeros((0, 2)), np.zeros(0, np.int64)
+    if changed[paths.layer].any():
+        samples = sample_beads(paths, changed)
+        rest, at = samples.points(np.arange(samples.count)), paths.layer[samples.path]
+    kept = {}
+    for name in _AREAS:
+        areas = getattr(supports, name)
+        pieces = split_connected(areas.of_layers(changed))
+        if not pieces.count:
+            continue
+        own = areas.of_layers(changed)
+        of_ring = np.append(pieces.of_ring, -1)
+        empty = np.zeros(pieces.count + 1, np.bool_)
+        empty[of_ring[find_enclosing_rings(own, removed[order, :2], lost[order])]] = True
+        empty[of_ring[find_enclosing_rings(own, rest, at)]] = False
+        keep = ~changed[areas.ring_layer]
+        keep[changed[areas.ring_layer]] = ~empty[pieces.of_ring]
+        kept[name] = keep
+    less = {name: getattr(supports, name).select(keep) for name, keep in kept.items()}
+    if "interface" in kept:
+        less["interface_angle"] = supports.interface_angle[kept["interface"]]
+    return replace(supports, **less)

@@ -1,0 +1,232 @@
+"""What is printed of supports stands: bead by bead, on beads that stand, on the part or on the bed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from printer_slicer.arrays import Float, consecutive
+from printer_slicer.geometry import depths, find_enclosing_rings
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.model import Areas, LayerPlan, Mesh, Overhangs, Sections, Supports, Toolpaths
+from printer_slicer.profile import Profile
+from printer_slicer.roles import Role
+from printer_slicer.supports.bead_samples import sample_beads
+from printer_slicer.supports.beads import lay_support_beads
+from printer_slicer.supports.hanging_beads import keep_samples
+from printer_slicer.supports.standing import check_standing
+from printer_slicer.supports.styles import STYLES, measure_plastic
+from printer_slicer.values import replace
+from tests.parts import plain
+from tests.supports.by_hand import overhangs_of, support_plan
+from tests.supports.noise import noise_sections
+from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
+from tests.supports.test_columns import prepared
+
+Case = tuple[Supports, Toolpaths, Overhangs, Sections, Profile]
+SHAPES: dict[str, Callable[[], Mesh]] = {
+    "tee": tee,
+    "hook": hook,
+    "mushroom": mushroom,
+    "sphere": sphere_on_bed,
+    "bracket": bracket,
+    "table": lambda: table(40, 30, 20),
+}
+STYLE_NAMES = list(STYLES)
+STEP = 0.2  # mm
+ACCURACY = 0.3  # mm, diagonal of the cells of the raster by which the check decides
+
+
+@cache
+def made(name: str, style: str) -> Case:
+    """Supports of a shape before the check."""
+    overhangs, plan, sections, profile = prepared(SHAPES[name](), support=style)
+    supports = STYLES[style](overhangs, plan, sections, profile)
+    return supports, lay_support_beads(supports, profile), overhangs, sections, profile
+
+
+def made_on_noise(seed: int, style: str) -> Case:
+    """Supports of a random solid before the check."""
+    sections, profile = noise_sections(seed), plain()
+    overhangs = overhangs_of(sections)
+    supports = STYLES[style](overhangs, support_plan(overhangs), sections, profile)
+    return supports, lay_support_beads(supports, profile), overhangs, sections, profile
+
+
+def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Float]:
+    """Lengths of the stretches without anything below them, mm, and the share (M,) of each path that is free.
+
+    An own computation, by distances to the lines below, for comparison with the raster of the check. A point is carried
+    if a line below is nearer than half of the width, or the part below is near, both with the accuracy of the raster.
+    """
+    begin, end = paths.ends_of_beads
+    a, b, layer = paths.xy[begin], paths.xy[end], np.repeat(paths.layer, paths.beads_of_each)
+    path, width = np.repeat(np.arange(paths.n_paths), paths.beads_of_each), paths.width[begin]
+    length = np.hypot(*(b - a).T)
+    count = np.maximum(np.ceil(length / STEP), 1).astype(np.int64)
+    bead = np.repeat(np.arange(len(a)), count)
+    share = (consecutive(np.zeros(len(a), np.int64), count) + 0.5) / count[bead]
+    points, step = a[bead] + share[:, None] * (b - a)[bead], (length / count)[bead]
+    reach = width.max() / 2 + ACCURACY
+    lines = Boxes(np.minimum(a, b), np.maximum(a, b), layer + 1)
+    point, line = Boxes(points - reach, points + reach, layer[bead]).find_overlapping(lines)
+    way = (b - a)[line]
+    along = ((points[point] - a[line]) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
+    away = np.hypot(*(a[line] + np.clip(along, 0, 1)[:, None] * way - points[point]).T)
+    carried = layer[bead] == 0
+    carried[point[away <= width[line] / 2 + ACCURACY]] = True
+    layers, plan = paths.plan, sections.plan
+    lowest = layers.bottom - 0.2 - layers.height.max() - 1e-6
+    first, last = np.searchsorted(plan.top, lowest), np.searchsorted(plan.top, layers.bottom + 1e-6)
+    for rise in range(int((last - first).max())):
+        left = np.flatnonzero(~carried & (first + rise < last)[layer[bead]])
+        depth = depths(sections.solid, points[left], (first + rise)[layer[bead[left]]], 3.0)
+        carried[left[depth >= -width.max() / 2]] = True
+        # Points deep inside are far from all outlines.
+        deep = left[np.isnan(depth)]
+        ring = find_enclosing_rings(sections.solid, points[deep], (first + rise)[layer[bead[deep]]])
+        carried[deep[(ring >= 0) & (sections.solid.ring_area()[ring] > 0)]] = True
+    begins = np.append(True, (np.diff(path[bead]) != 0) | (np.diff(carried.astype(int)) != 0))
+    run = np.cumsum(begins) - 1
+    free = np.bincount(run, step * ~carried)
+    whole = np.bincount(path[bead], step, paths.n_paths)
+    return free, np.bincount(path[bead], step * ~carried, paths.n_paths) / np.maximum(whole, 1e-9)
+
+
+@pytest.mark.parametrize("style", STYLE_NAMES)
+@pytest.mark.parametrize("name", ["tee", "hook", "mushroom", "table"])
+def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
+    supports, paths, *rest = made(name, style)
+
+    standing = check_standing(supports, paths, *rest)
+
+    assert standing.supports is supports
+    assert standing.paths is paths
+    assert not len(standing.removed)
+
+
+def check_random_solid(seed: int, style: str) -> None:
+    """After the check nothing floats, by the check itself and by distances; most of the supports are still there."""
+    case = made_on_noise(seed, style)
+    standing = check_standing(*case)
+    _, paths, overhangs, sections, profile = case
+
+    again = check_standing(standing.supports, standing.paths, overhangs, sections, profile)
+    assert again.paths is standing.paths
+    if standing.paths.n_paths:
+        free, share = find_free_stretches(standing.paths, sections)
+        assert free.max(initial=0.0) <= 2.2 * profile.quality.support_spacing
+        assert (share <= 0.9).all()
+    assert measure_plastic(standing.paths) >= 0.8 * measure_plastic(paths)
+
+
+@pytest.mark.parametrize("style", STYLE_NAMES)
+@pytest.mark.parametrize("seed", [3, 14])
+def test_after_the_check_no_bead_of_random_solids_floats(seed: int, style: str) -> None:
+    check_random_solid(seed, style)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("style", STYLE_NAMES)
+@pytest.mark.parametrize("seed", range(100, 300))
+def test_after_the_check_no_bead_of_many_random_solids_floats(seed: int, style: str) -> None:
+    check_random_solid(seed, style)
+
+
+def square(side: float, *, at: tuple[float, float]) -> Float:
+    return np.array([(0, 0), (side, 0), (side, side), (0, side)]) * 1.0 + at
+
+
+@pytest.mark.parametrize("style", STYLE_NAMES)
+def test_a_planted_piece_in_the_air_is_taken_out(style: str) -> None:
+    supports, paths, *rest = made("tee", style)
+    n_layers = supports.plan.layers.n_layers
+    away = supports.base.xy.max(axis=0) + 5.0
+    here = (np.arange(n_layers) >= n_layers // 2) & (np.arange(n_layers) < n_layers // 2 + 6)
+    piece = Areas.from_rings([[square(6.0, at=tuple(away))] if some else [] for some in here])
+    planted = replace(
+        supports,
+        base=supports.base.merge(piece),
+        hollow=supports.hollow.merge(piece) if style == "tree" else supports.hollow,
+    )
+
+    standing = check_standing(planted, lay_support_beads(planted, rest[-1]), *rest)
+
+    assert measure_plastic(standing.paths) == pytest.approx(measure_plastic(paths))
+    assert standing.supports.base.area() == pytest.approx(supports.base.area())
+    assert (standing.removed[:, :2] > away - 0.1).all()
+
+
+def leave_out(paths: Toolpaths, layer: int, low: float) -> Toolpaths:
+    """The paths without those of a layer whose points all lie beyond x = `low`."""
+    beyond = np.minimum.reduceat(paths.xy[:, 0], paths.start[:-1]) > low
+    return paths.take(np.flatnonzero(~(beyond & (paths.layer == layer))))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+@pytest.mark.parametrize("style", STYLE_NAMES)
+def test_a_planted_gap_is_filled(style: str, share: float) -> None:
+    supports, paths, overhangs, sections, profile = made("tee", style)
+    layer = int(share * paths.plan.n_layers)
+    middle = float(sections.solid.xy[:, 0].mean())
+    less = leave_out(paths, layer, middle + 5.0)
+    assert less.n_paths < paths.n_paths
+
+    standing = check_standing(supports, less, overhangs, sections, profile)
+
+    assert standing.paths is not less
+    free, free_share = find_free_stretches(standing.paths, sections)
+    assert free.max() <= 2.2 * profile.quality.support_spacing
+    assert free_share.max() <= 0.9
+    highest = [one.length()[one.layer == paths.layer.max()].sum() for one in (paths, standing.paths)]
+    assert highest[1] >= 0.95 * highest[0]
+
+
+def test_what_may_not_be_carried_is_taken_out() -> None:
+    """The upper beads lie 3 mm over a plate, on which no column may stand."""
+    supports, paths, overhangs, sections, profile = made("tee", "columns")
+    profile = replace(profile, quality=replace(profile.quality, support_on_bed_only=True))
+    top = paths.take(np.flatnonzero(paths.layer >= paths.plan.n_layers - 2))
+    highest = sections.plan.n_layers - 1
+    is_plate = sections.plan.top < paths.plan.top[-1] - 3.0
+    solid = sections.solid.copy_layers(np.where(is_plate, highest, np.arange(highest + 1)))
+
+    standing = check_standing(supports, top, overhangs, replace(sections, solid=solid), profile)
+
+    assert standing.paths.n_paths == 0
+    assert standing.supports.area.area()[-2:].sum() == 0
+
+
+def test_no_beads_stand() -> None:
+    supports, paths, *rest = made("tee", "columns")
+    none = paths.take(np.zeros(0, np.int64))
+
+    assert check_standing(supports, none, *rest).paths is none
+
+
+def test_the_rest_of_a_cut_loop_is_one_line() -> None:
+    plan = LayerPlan.from_tops(np.array([0.2, 0.4]))
+    ring = square(10.0, at=(0.0, 0.0))
+    paths = Toolpaths.gathered(
+        plan,
+        xy=ring,
+        size=np.array([4]),
+        layer=np.array([1]),
+        role=np.array([Role.SUPPORT]),
+        width=np.full(1, 0.45),
+        closed=True,
+    )
+    samples = sample_beads(paths)
+    x, y = samples.points(np.arange(samples.count)).T
+    kept = ~((x > 9.9) & (y > 4) & (y < 6))
+
+    line = keep_samples(samples, paths, kept)
+
+    assert line.n_paths == 1
+    assert not line.closed.any()
+    assert line.length().sum() == pytest.approx(38.0, abs=0.5)
+    assert line.length().sum() == pytest.approx(samples.length[kept].sum())
+    assert len(line.xy) == 6
