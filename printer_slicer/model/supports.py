@@ -59,6 +59,8 @@ class Bare(Struct, frozen=True):
         area: mm².
         reason: why, as a sentence without a full stop.
         is_island: whether the piece begins in the air.
+        free_distance: largest distance sideways from a point of the place to the nearest support, or to the part below
+            the place, mm; 0 if it was not measured.
     """
 
     x: float
@@ -67,6 +69,7 @@ class Bare(Struct, frozen=True):
     area: float
     reason: str
     is_island: bool = False
+    free_distance: float = 0.0
 
 
 class Supports(SvgRepr, Struct, frozen=True, eq=False):

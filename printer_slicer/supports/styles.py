@@ -11,11 +11,13 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports, Toolpaths, fill_layers
 from printer_slicer.profile import Profile
+from printer_slicer.supports.bare_places import BareReasons, list_bare_places
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
 from printer_slicer.supports.groups import PatchGroups, group_patches
 from printer_slicer.supports.levels import list_places_without_room
 from printer_slicer.supports.stacking import make_obstacles
+from printer_slicer.supports.standing import check_standing
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.supports.trees import grow_trees
 from printer_slicer.values import Struct, replace
@@ -72,8 +74,11 @@ def make_supports(
         made = _choose_styles(overhangs, plan, sections, profile, measure_times)
     supports = Supports.joined(plan, [one.supports for one in made])
     paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
-    bare = (*supports.bare, *list_places_without_room(overhangs, plan))
-    return PrintedSupports(replace(supports, bare=bare), paths)
+    standing = check_standing(supports, paths, overhangs, sections, profile)
+    known = (*supports.bare, *list_places_without_room(overhangs, plan))
+    reasons = BareReasons(known, standing.removed)
+    bare = list_bare_places(overhangs, standing.paths, sections, profile, reasons)
+    return PrintedSupports(replace(standing.supports, bare=bare), standing.paths)
 
 
 def measure_plastic(paths: Toolpaths) -> float:

@@ -1,0 +1,120 @@
+"""What stays without support is listed, with its place, its area, how far it reaches, and the reason."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from printer_slicer.model import Bare, Mesh, Overhangs, Sections, Supports, Toolpaths
+from printer_slicer.profile import Profile
+from printer_slicer.supports.bare_places import BareReasons, list_bare_places
+from printer_slicer.supports.styles import make_supports
+from tests.parts import box, joined
+from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
+from tests.supports.test_columns import prepared
+
+SHAPES = {"tee": tee, "hook": hook, "mushroom": mushroom, "sphere": sphere_on_bed}
+NOTHING = BareReasons((), np.zeros((0, 3)))
+
+
+@cache
+def made(name: str, style: str = "columns") -> tuple[Supports, Toolpaths, Overhangs, Sections, Profile]:
+    overhangs, _, sections, profile = prepared(SHAPES[name](), support=style)
+    return *make_supports(overhangs, sections, profile), overhangs, sections, profile
+
+
+def bare_of(mesh: Mesh, **changes: object) -> tuple[tuple[Bare, ...], Overhangs]:
+    overhangs, _, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
+    return make_supports(overhangs, sections, profile)[0].bare, overhangs
+
+
+@pytest.mark.parametrize("style", ["columns", "tree"])
+@pytest.mark.parametrize("name", ["tee", "hook", "mushroom"])
+def test_nothing_is_bare_under_usual_parts(name: str, style: str) -> None:
+    assert made(name, style)[0].bare == ()
+
+
+def test_without_beads_all_that_hangs_is_bare() -> None:
+    _, paths, overhangs, sections, profile = made("tee")
+    none = paths.take(np.zeros(0, np.int64))
+
+    bare = list_bare_places(overhangs, none, sections, profile, NOTHING)
+
+    assert len(bare) == 2  # arms
+    assert sum(place.area for place in bare) == pytest.approx(overhangs.area.area().sum(), rel=0.02)
+    assert [place.z for place in bare] == pytest.approx([40.0, 40.0])
+    assert [place.free_distance for place in bare] == pytest.approx([25.0, 25.0], abs=0.3)
+    assert not any(place.is_island for place in bare)
+
+
+def test_half_of_the_beads_leave_half_bare() -> None:
+    _, paths, overhangs, sections, profile = made("tee")
+    middle = float(sections.solid.xy[:, 0].mean())
+    left = np.flatnonzero(np.minimum.reduceat(paths.xy[:, 0], paths.start[:-1]) < middle)
+
+    (place,) = list_bare_places(overhangs, paths.take(left), sections, profile, NOTHING)
+
+    assert place.area == pytest.approx(overhangs.area.area().sum() / 2, rel=0.02)
+    assert place.x > middle + 5
+
+
+def test_an_island_without_a_bead_comes_first() -> None:
+    _, paths, overhangs, sections, profile = made("hook")
+    none = paths.take(np.zeros(0, np.int64))
+
+    first, *others = list_bare_places(overhangs, none, sections, profile, NOTHING)
+
+    assert first.is_island
+    assert first.z == pytest.approx(15.0, abs=0.3)
+    assert not any(place.is_island for place in others)
+
+
+def test_what_is_right_above_the_bed_lies_on_it() -> None:
+    for style in ("columns", "tree"):
+        assert all(place.z > 0.3 for place in made("sphere", style)[0].bare)
+
+
+def test_places_outside_the_bed_say_so() -> None:
+    size = 220.0  # mm, the bed is as large
+    wide = joined([box((10, 10, 20), (0, 0, 0)), box((10, size + 20, 2), (0, -size / 2 - 5, 20))])
+    bare, overhangs = bare_of(wide)
+
+    assert bare
+    assert {place.reason for place in bare} == {"its support would lie outside the bed"}
+    assert sum(place.area for place in bare) < 0.2 * overhangs.area.area().sum()
+
+
+def test_places_over_the_part_say_so() -> None:
+    plates = [box((30, 30, 2), (0, 0, z)) for z in (0, 20)]
+    bare, _ = bare_of(joined([*plates, box((4, 30, 21), (0, 0, 1))]), support_on_bed_only=True)
+
+    assert {place.reason for place in bare} == {"its support would stand on the part"}
+    assert sum(place.area for place in bare) == pytest.approx(26 * 30, rel=0.15)
+
+
+def test_where_beads_were_taken_out_the_reason_is_that() -> None:
+    _, paths, overhangs, sections, profile = made("tee")
+    none = paths.take(np.zeros(0, np.int64))
+    bead = np.array([[*overhangs.area.xy.max(axis=0), 39.8]])
+
+    bare = list_bare_places(overhangs, none, sections, profile, BareReasons((), bead))
+
+    assert {place.reason for place in bare} == {
+        "its support had nothing to stand on",
+        "no support reaches this place without touching the part",
+    }
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_areas_do_not_depend_on_heights_of_layers(share: float) -> None:
+    """A cone on its tip, of which beads carry the lower part only."""
+    cone = round_body([(2.0, 0.0), (2.0, 10.0), (14.0, 16.0), (14.0, 18.0)])
+    areas = []
+    for height in (0.15, 0.25):
+        overhangs, _, sections, profile = prepared(cone, height, support="columns")
+        _, paths = make_supports(overhangs, sections, profile)
+        low = paths.take(np.flatnonzero(paths.z_top < 10 + 6 * share))
+        areas.append(sum(one.area for one in list_bare_places(overhangs, low, sections, profile, NOTHING)))
+    assert areas[0] == pytest.approx(areas[1], rel=0.12)
