@@ -18,7 +18,16 @@ from printer_slicer.geometry.raster import CellGrid, Float32
 from printer_slicer.model import LayerPlan, Sections, Toolpaths
 from printer_slicer.values import Struct
 
-__all__ = ["BeadMap", "BeadSamples", "PartBelow", "find_carried", "find_repeated_layers", "sample_beads"]
+__all__ = [
+    "BeadMap",
+    "BeadSamples",
+    "PartBelow",
+    "find_carried",
+    "find_gapless_layers",
+    "find_layers_on_bed",
+    "find_repeated_layers",
+    "sample_beads",
+]
 
 _CELL: Final = 0.2  # mm
 _STEP: Final = 0.9  # cells between samples along a bead; less than one, so that no cell below it is left out

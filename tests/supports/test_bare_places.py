@@ -9,8 +9,10 @@ import pytest
 
 from printer_slicer.model import Bare, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile
+from printer_slicer.support_times import measure_group_times
 from printer_slicer.supports.bare_places import BareReasons, list_bare_places
-from printer_slicer.supports.styles import make_supports
+from printer_slicer.supports.levels import plan_support_layers
+from printer_slicer.supports.styles import PrintedSupports, make_supports
 from tests.parts import box, joined
 from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
 from tests.supports.test_columns import prepared
@@ -19,15 +21,21 @@ SHAPES = {"tee": tee, "hook": hook, "mushroom": mushroom, "sphere": sphere_on_be
 NOTHING = BareReasons((), np.zeros((0, 3)))
 
 
+def supported(overhangs: Overhangs, sections: Sections, profile: Profile) -> PrintedSupports:
+    plan = plan_support_layers(overhangs, profile)
+    return make_supports(overhangs, plan, sections, profile, measure_group_times)
+
+
 @cache
 def made(name: str, style: str = "columns") -> tuple[Supports, Toolpaths, Overhangs, Sections, Profile]:
     overhangs, _, sections, profile = prepared(SHAPES[name](), support=style)
-    return *make_supports(overhangs, sections, profile), overhangs, sections, profile
+    printed = supported(overhangs, sections, profile)
+    return printed.supports, printed.paths, overhangs, sections, profile
 
 
 def bare_of(mesh: Mesh, **changes: object) -> tuple[tuple[Bare, ...], Overhangs]:
     overhangs, _, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
-    return make_supports(overhangs, sections, profile)[0].bare, overhangs
+    return supported(overhangs, sections, profile).supports.bare, overhangs
 
 
 @pytest.mark.parametrize("style", ["columns", "tree"])
@@ -114,7 +122,7 @@ def test_areas_do_not_depend_on_heights_of_layers(share: float) -> None:
     areas = []
     for height in (0.15, 0.25):
         overhangs, _, sections, profile = prepared(cone, height, support="columns")
-        _, paths = make_supports(overhangs, sections, profile)
+        paths = supported(overhangs, sections, profile).paths
         low = paths.take(np.flatnonzero(paths.z_top < 10 + 6 * share))
         areas.append(sum(one.area for one in list_bare_places(overhangs, low, sections, profile, NOTHING)))
     assert areas[0] == pytest.approx(areas[1], rel=0.12)
