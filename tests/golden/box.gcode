@@ -650,6 +650,7 @@ M104 S0
 ; quality.raft_gap = 0.16
 ; quality.raft_base_density = 0.5
 ; quality.support = off
+; quality.support_places = all
 ; quality.support_threshold_deg = 40
 ; quality.support_max_bridge = 10
 ; quality.support_min_area = 1
