@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from typing import Final
 
 import numpy as np
@@ -22,7 +21,8 @@ def convex_hull(points: Float) -> Areas:
 
     Source: Andrew, Another efficient algorithm for convex hulls in two dimensions, 1979.
     """
-    ordered = np.unique(points, axis=0)
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+    ordered = ordered[(np.diff(ordered, axis=0, prepend=np.nan) != 0).any(axis=1)]
     lower, upper = _find_right_side(ordered), _find_right_side(ordered[::-1])
     ring = lower[:-1] + upper[:-1]
     return Areas.from_rings([[np.array(ring, np.float64)]]) if len(ring) > 2 else Areas.empty(1)
@@ -55,5 +55,7 @@ def _is_left_turn(before: list[float], at: list[float], after: list[float]) -> b
     left, right = (at[0] - before[0]) * (after[1] - at[1]), (at[1] - before[1]) * (after[0] - at[0])
     if abs(left - right) > _ROUNDING * (abs(left) + abs(right)):
         return left > right
-    (ax, ay), (bx, by), (cx, cy) = ([Fraction(value) for value in point] for point in (before, at, after))
+    ratios = [value.as_integer_ratio() for point in (before, at, after) for value in point]
+    unit = max(below for _, below in ratios)  # all are powers of two
+    ax, ay, bx, by, cx, cy = (above * (unit // below) for above, below in ratios)
     return (bx - ax) * (cy - by) > (by - ay) * (cx - bx)
