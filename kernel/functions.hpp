@@ -22,6 +22,7 @@ PyObject* label_components(PyObject*, PyObject* arguments);         // keys.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);              // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);           // nearest_marked.cpp
 PyObject* nearest_segments(PyObject*, PyObject* arguments);         // polyline_tree.cpp
+PyObject* neighbour_paths(PyObject*, PyObject* arguments);          // neighbour_paths.cpp
 PyObject* neighbouring_boxes(PyObject*, PyObject* arguments);       // boxes.cpp
 PyObject* number_cuts(PyObject*, PyObject* arguments);              // plane_sections.cpp
 PyObject* outline_points(PyObject*, PyObject* arguments);           // outline_points.cpp

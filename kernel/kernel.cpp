@@ -27,6 +27,7 @@ PyMethodDef methods[] = {
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"nearest_segments", nearest_segments, METH_VARARGS, "Find the segments nearest to points; see kernel.py."},
+    {"neighbour_paths", neighbour_paths, METH_VARARGS, "Compute costs of paths with limits; see kernel.py."},
     {"neighbouring_boxes", neighbouring_boxes, METH_VARARGS, "Find boxes that overlap; see kernel.py."},
     {"number_cuts", number_cuts, METH_VARARGS, "Number the cuts of facets; see kernel.py."},
     {"outline_points", outline_points, METH_VARARGS, "Find the points that outlines need; see kernel.py."},

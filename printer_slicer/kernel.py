@@ -301,6 +301,33 @@ class Kernel(Protocol):
             ValueError: the boxes do not belong to the segments, or an array has another shape.
         """
 
+    def neighbour_paths(
+        self,
+        arcs: tuple[memoryview, memoryview, memoryview],
+        limits: tuple[memoryview, memoryview, memoryview],
+        low: int,
+        penalty: float,
+        reduced: float,
+        /,
+    ) -> tuple[bytes, bytes]:
+        """Compute costs of cheapest paths with limits for neighbours; see `printer_slicer.shortest_path`.
+
+        Args:
+            arcs: (n + 2,) int64, the first arc of each node; (A,) int64, start of each; (A,) float64, cost of each.
+            limits: (R,) int64 each, the first and the last row that may follow a row; (n + 1,) int64, not 0 for spared
+                nodes.
+            low: height of the layers of row 0.
+            penalty: cost per pair of layers that is not allowed.
+            reduced: cost per such pair at a spared node.
+
+        Returns:
+            (n + 1, R) float64, cost of the cheapest path to each node on which a layer of each row may follow, and
+            (n + 1,) float64, of the cheapest path to each node.
+
+        Raises:
+            ValueError: the arrays do not match, or a window of rows is empty.
+        """
+
     def neighbouring_boxes(self, low: Buffer, high: Buffer, layer: Buffer, /) -> tuple[bytes, bytes]:
         """Find pairs of boxes that overlap; see `printer_slicer.geometry.boxes`.
 

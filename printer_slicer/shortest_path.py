@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, frozen_array
+from printer_slicer.kernel import load_kernel
 from printer_slicer.values import Struct, force_setattr
 
 __all__ = [
@@ -184,9 +185,30 @@ def cheapest_with_neighbours(
     n, height = graph.n, graph.height
     if len(height) == 0:
         return None
+    reach, anyhow = _compute_neighbour_costs(graph, cost, limits, penalty, reduced)
+    if not np.isfinite(anyhow[n]):
+        return None
+    return _trace_path(graph, cost, limits, (penalty, reduced), (reach, anyhow))
+
+
+def _compute_neighbour_costs(
+    graph: ArcGraph, cost: Float, limits: NeighbourLimits, penalty: float, reduced: float
+) -> tuple[Float, Float]:
+    """Return the costs of the cheapest paths to each node; arguments as for `cheapest_with_neighbours`.
+
+    The first result (n + 1, R) is for paths on which a layer of `low` + r units may follow, where `low` is the smallest
+    height, the second one (n + 1,) for any path. The bed allows any layer.
+    """
+    n, height = graph.n, graph.height
     low, rows = int(height.min()), int(np.ptp(height)) + 1
-    windows = _WindowMinimum(limits.least[low : low + rows] - low, limits.most[low : low + rows] - low)
-    # reach[k, r]: cheapest path to node k on which a layer of height low + r may follow; the bed allows any.
+    first, last = limits.least[low : low + rows] - low, limits.most[low : low + rows] - low
+    kernel = load_kernel()
+    if kernel is not None:
+        columns = graph.begin.data, graph.start.data, np.ascontiguousarray(cost, np.float64).data
+        rows_after = first.data, last.data, limits.spared.astype(np.int64).data
+        found = kernel.neighbour_paths(columns, rows_after, low, penalty, reduced)
+        return np.frombuffer(found[0]).reshape(n + 1, rows), np.frombuffer(found[1])
+    windows = _WindowMinimum(first, last)
     reach, anyhow = np.full((n + 1, rows), np.inf), np.full(n + 1, np.inf)
     reach[0] = anyhow[0] = 0.0
     row, end, start = height - low, graph.end, graph.start
@@ -206,9 +228,7 @@ def cheapest_with_neighbours(
         if len(down):
             np.minimum.at(best, end[arcs][down] - k, value[down] + reduced)
         reach[nodes] = np.minimum(windows.over_windows(total), best[:, None])
-    if not np.isfinite(anyhow[n]):
-        return None
-    return _trace_path(graph, cost, limits, (penalty, reduced), (reach, anyhow))
+    return reach, anyhow
 
 
 def _trace_path(

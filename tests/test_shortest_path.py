@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer.arrays import Float, Int
+from printer_slicer.kernel import VARIABLE, load_kernel
 from printer_slicer.model import Mesh
 from printer_slicer.planning import plan_layers
 from printer_slicer.planning.candidate_layers import CandidateLayers
@@ -21,6 +22,7 @@ from printer_slicer.profile import OptimalPlanner, Profile
 from printer_slicer.shortest_path import (
     ArcGraph,
     NeighbourLimits,
+    _compute_neighbour_costs,
     cheapest_path,
     cheapest_with_max_layers,
     cheapest_with_neighbours,
@@ -28,6 +30,7 @@ from printer_slicer.shortest_path import (
 )
 from printer_slicer.surface import certify, find_flats, read_surface
 from tests.effort import crossed, examples, few_of
+from tests.kernels import needs_kernel
 from tests.parts import profile, pyramid, sheared_prism, sphere, step_pyramid
 from tests.planning.plans import frusta
 
@@ -164,6 +167,52 @@ def test_beside_some_nodes_uneven_neighbours_cost_less(
     assert (layers is None) == np.isinf(best)
     if layers is not None:
         assert paid(tuple(graph.height[layers].tolist())) == pytest.approx(best, rel=ROUNDING)
+
+
+@needs_kernel
+@settings(max_examples=examples(40))
+@given(tables(gaps=True), st.integers(0, 6), st.integers(0, 2**32 - 1))
+def test_the_kernel_finds_the_costs_that_the_python_code_finds(table: Table, change: int, seed: int) -> None:
+    graph, cost = table.arcs()
+    if not len(graph.start):
+        return
+    rng, height = np.random.default_rng(seed), np.arange(int(graph.height.max()) + 1)
+    limits = NeighbourLimits(
+        height - rng.integers(0, change + 1, len(height)), height + change, rng.random(graph.n + 1) < 0.2
+    )
+    found = []
+    for kernel in ("required", "off"):
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setenv(VARIABLE, kernel)
+            found.append(_compute_neighbour_costs(graph, cost, limits, 50.0, 7.0))
+
+    for with_kernel, without in zip(*found, strict=True):
+        assert with_kernel.tobytes() == without.tobytes()
+
+
+@needs_kernel
+def test_the_kernel_rejects_graphs_that_do_not_match(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    def search(*, begin: list[int], start: list[int], first: int = 0, last: int = 0, low: int = 1) -> None:
+        arcs = np.array(begin).data, np.array(start, np.int64).data, np.ones(len(start)).data
+        rows = np.array([first]).data, np.array([last]).data
+        kernel.neighbour_paths(arcs, (*rows, np.zeros(3, np.int64).data), low, 1.0, 0.0)
+
+    search(begin=[0, 0, 1, 2], start=[0, 1])
+    for wrong in (
+        {"begin": [0, 0, 2, 1], "start": [0]},
+        {"begin": [0, 0, 1, 2], "start": [0]},
+        {"begin": [0, 0, 1], "start": [0]},
+        {"begin": [0, 0, 1, 2], "start": [0, 0]},
+        {"begin": [0, 0, 1, 2], "start": [0, -1]},
+        {"begin": [0, 0, 1, 2], "start": [0, 1], "low": 2},
+        {"begin": [0, 0, 1, 2], "start": [0, 1], "first": 1},
+    ):
+        with pytest.raises(ValueError, match=r"arc|array|window"):
+            search(**wrong)
 
 
 @settings(max_examples=examples(40))  # tables are small, and so is the search
