@@ -6,10 +6,10 @@ workers := "-n logical --dist worksteal"
 export PATH := justfile_directory() / ".venv/bin" + (if os_family() == "windows" { ";" } else { ":" }) + env("PATH")
 
 # everything that must hold before a change lands
-check: format lint types contracts test twin
+check: format lint types contracts test twin budget
 
 # what takes longer: every case, many examples from one seed, the second engine over everything, the oldest libraries
-thorough SEED="1": format lint types contracts (test "-m ''" "--hypothesis-profile thorough" "--hypothesis-seed" SEED) (twin-all "--hypothesis-seed" SEED) lowest
+thorough SEED="1": format lint types contracts budget (test "-m ''" "--hypothesis-profile thorough" "--hypothesis-seed" SEED) (twin-all "--hypothesis-seed" SEED) lowest
 
 # formatting, without changing anything
 format:
@@ -39,6 +39,10 @@ random *ARGS:
 # what the engine decides once more, with the shapely engine and without the compiled kernel: operations, regions, walls, solid infill, whole slices
 twin:
     PRINTER_SLICER_GEOMETRY=planar PRINTER_SLICER_KERNEL=off python -m pytest {{workers}} tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
+
+# what slicing costs: fails if sample parts cost more calls, modules, memory or much more CPU time than recorded
+budget *ARGS:
+    python -m benchmarks.budget {{ARGS}}
 
 # the geometry and everything that stands on it once more, with the shapely engine and without the compiled kernel: every case, many examples
 twin-all *ARGS:
