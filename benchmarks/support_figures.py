@@ -18,7 +18,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 
-__all__ = ["Figures", "Flat", "Place", "measure_supports"]
+__all__ = ["Figures", "Flat", "Place", "SupportLayer", "find_carriers", "list_layers", "measure_supports"]
 
 _SIDEWAYS, _BELOW = 1.5, 0.85  # mm; an overhang with a support as near as this is held
 _TOUCHES: Final = 0.05  # mm between a support and the one below it
@@ -120,7 +120,7 @@ class Figures:
 
 
 @dataclass(frozen=True, eq=False)
-class _Layer:
+class SupportLayer:
     """Support extrusions of one top and one bottom.
 
     Attributes:
@@ -162,7 +162,7 @@ def measure_supports(
     """
     overhang, islands = truth
     extruding, travelling = support_seconds(file)
-    layers = _layers(file.support, solid)
+    layers = list_layers(file.support, solid)
     sums = _walk_layers(file, layers, solid)
     bare, farthest = _bare(layers, solid, overhang)
     top = _tops_below(layers, solid)
@@ -193,13 +193,13 @@ def measure_supports(
     )
 
 
-def _layers(beads: Extrusions, solid: Solid) -> list[_Layer]:
+def list_layers(beads: Extrusions, solid: Solid) -> list[SupportLayer]:
     """Return the layers of supports, from below."""
     bottom, top = np.round(beads.z_top - beads.height, 3), np.round(beads.z_top, 3)
     keys, which = np.unique(np.column_stack([top, bottom]), axis=0, return_inverse=True)
     members = [np.flatnonzero(which.ravel() == number) for number in range(len(keys))]
     return [
-        _Layer(float(low), float(high), some, draw_beads(beads.take(some), solid.grid))
+        SupportLayer(float(low), float(high), some, draw_beads(beads.take(some), solid.grid))
         for (high, low), some in zip(keys, members, strict=True)
     ]
 
@@ -218,15 +218,11 @@ def _middle(solid: Solid) -> Float:
 # Layer by layer
 
 
-def _walk_layers(file: SupportFile, layers: Sequence[_Layer], solid: Solid) -> _Sums:
+def _walk_layers(file: SupportFile, layers: Sequence[SupportLayer], solid: Solid) -> _Sums:
     sums = _Sums()
     outlines = list(_outlines(file.part, solid))
     for layer in layers:
-        below = np.zeros(solid.grid.shape, np.bool_)
-        for other in layers:
-            if abs(other.top - layer.bottom) <= _TOUCHES:
-                below |= other.drawn
-        part = solid.within(layer.bottom - _LANDS, layer.bottom + 0.02)
+        below, part = find_carriers(layers, layer.bottom, solid)
         if layer.bottom > _TOUCHES:
             sums.standing += float(np.count_nonzero(layer.drawn & part & ~below)) * solid.grid.cell**2
             _add_floats(sums, file, layer, below | part, solid)
@@ -234,7 +230,16 @@ def _walk_layers(file: SupportFile, layers: Sequence[_Layer], solid: Solid) -> _
     return sums
 
 
-def _add_floats(sums: _Sums, file: SupportFile, layer: _Layer, carries: Bool, solid: Solid) -> None:
+def find_carriers(layers: Sequence[SupportLayer], z: float, solid: Solid) -> tuple[Bool, Bool]:
+    """Return the cells under supports that end at a height, and those under which the part is."""
+    below = np.zeros(solid.grid.shape, np.bool_)
+    for other in layers:
+        if abs(other.top - z) <= _TOUCHES:
+            below |= other.drawn
+    return below, solid.within(z - _LANDS, z + 0.02)
+
+
+def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, carries: Bool, solid: Solid) -> None:
     """Add the extrusions of a layer that nothing carries."""
     beads = file.support.take(layer.members)
     count = np.maximum(np.ceil(beads.length / _SAMPLE), 1).astype(np.int64)
@@ -304,7 +309,7 @@ def _is_held_at_both_ends(run: Int, count: int, at: Float) -> bool:
     return closed or (int(run[0]) > 0 and int(run[-1]) < count - 1)
 
 
-def _clusters(points: Float, layer: _Layer, solid: Solid) -> list[Place]:
+def _clusters(points: Float, layer: SupportLayer, solid: Solid) -> list[Place]:
     """Return the free samples (n, 3: x, y, mm) of a layer as places; near ones are one place."""
     cells = np.unique(np.floor(points[:, :2] / _NEAR).astype(np.int64), axis=0)
     low = cells.min(axis=0)
@@ -331,7 +336,7 @@ def _outlines(part: Extrusions, solid: Solid) -> Iterator[tuple[float, float, Bo
 
 
 def _add_inside(
-    sums: _Sums, layer: _Layer, solid: Solid, outlines: Sequence[tuple[float, float, Bool]]
+    sums: _Sums, layer: SupportLayer, solid: Solid, outlines: Sequence[tuple[float, float, Bool]]
 ) -> None:
     """Add the area of a layer that lies in the part, or in an outline of it, by more than a cell."""
     wrong = layer.drawn & _eroded(solid.at((layer.bottom + layer.top) / 2))
@@ -363,7 +368,7 @@ def _eroded(flags: Bool) -> Bool:
 # Overhangs
 
 
-def _near_below(layers: Sequence[_Layer], z: tuple[float, float], solid: Solid) -> Bool:
+def _near_below(layers: Sequence[SupportLayer], z: tuple[float, float], solid: Solid) -> Bool:
     """Return the cells under supports that end at most 0.85 mm below heights between two values."""
     drawn = np.zeros(solid.grid.shape, np.bool_)
     for layer in layers:
@@ -372,7 +377,7 @@ def _near_below(layers: Sequence[_Layer], z: tuple[float, float], solid: Solid) 
     return drawn
 
 
-def _bare(layers: Sequence[_Layer], solid: Solid, overhang: Overhang) -> tuple[Bool, float]:
+def _bare(layers: Sequence[SupportLayer], solid: Solid, overhang: Overhang) -> tuple[Bool, float]:
     """Return which cells (n,) of the overhang have no support near, and the largest distance from anything, mm."""
     bare, farthest = np.zeros(len(overhang.cell), np.bool_), 0.0
     number = np.floor(overhang.z / _BINS).astype(np.int64)
@@ -409,7 +414,7 @@ def _bare_places(solid: Solid, overhang: Overhang, bare: Bool) -> list[Place]:
     return sorted(found, key=lambda one: -one.amount)[:8]
 
 
-def _is_held(layers: Sequence[_Layer], solid: Solid, island: Island) -> bool:
+def _is_held(layers: Sequence[SupportLayer], solid: Solid, island: Island) -> bool:
     """Return whether a support is near the lowest point of an island."""
     drawn = _near_below(layers, (island.z, island.z), solid)
     return bool(_distances(drawn, island.cell, solid).min() <= _SIDEWAYS)
@@ -418,7 +423,7 @@ def _is_held(layers: Sequence[_Layer], solid: Solid, island: Island) -> bool:
 # Contacts
 
 
-def _tops_below(layers: Sequence[_Layer], solid: Solid) -> Float:
+def _tops_below(layers: Sequence[SupportLayer], solid: Solid) -> Float:
     """Return for each surface (I,) that faces down the top of the nearest support below it, mm; else -inf."""
     order = np.argsort(solid.low)
     z, cell = solid.low[order], solid.cell[order]
@@ -463,7 +468,7 @@ def _bottoms_above(part: Extrusions, z: float, solid: Solid) -> Float:
 # Pieces
 
 
-def _slimness(layers: Sequence[_Layer]) -> float:
+def _slimness(layers: Sequence[SupportLayer]) -> float:
     """Return the largest height of a piece of support, divided by the square root of the area it stands on."""
     labels, sizes, first = [], [], [0]
     for layer in layers:
@@ -491,7 +496,7 @@ def _slimness(layers: Sequence[_Layer]) -> float:
     return float(((high - low) / np.sqrt(np.maximum(foot, 0.1))).max())
 
 
-def _links(layers: Sequence[_Layer], labels: Sequence[Int]) -> Int:
+def _links(layers: Sequence[SupportLayer], labels: Sequence[Int]) -> Int:
     """Return pairs (n, 2) of pieces, the upper one first, that lie on each other."""
     found = [np.zeros((0, 2), np.int64)]
     tops = np.array([one.top for one in layers])

@@ -136,9 +136,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"\n### {mesh.name}, {plan} layers\n\n| {' | '.join(_HEAD)} |\n|---{'|---:' * 14}|")
             for name in (one for one in programs if one in chosen):
                 results += _measure(job, name, programs, options)
+            if options.json:  # after each part, because all take hours
+                options.json.write_text(
+                    json.dumps([asdict(one) for one in results], indent=1) + "\n", "utf-8"
+                )
     print(*_summary(results), sep="\n")
-    if options.json:
-        options.json.write_text(json.dumps([asdict(one) for one in results], indent=1) + "\n", "utf-8")
     return 0
 
 
