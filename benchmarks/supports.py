@@ -130,12 +130,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     for plan in options.plans.split(","):
         profile = _profile(options, plan)
         programs = _programs(plan, prusa, cura)
-        chosen = options.programs.split(",") if options.programs else list(programs)
+        wanted = options.programs.split(",") if options.programs else list(programs)
+        if unknown := [name for name in wanted if name not in programs]:
+            sys.exit(f"no program {', '.join(unknown)}; known programs: {', '.join(programs)}")
+        chosen = [name for name in programs if name in wanted and not name.endswith("off")]
         for mesh in support_parts(options.models, options.parts, profile):
             job = _prepare(mesh, plan, profile)
             print(f"\n### {mesh.name}, {plan} layers\n\n| {' | '.join(_HEAD)} |\n|---{'|---:' * 14}|")
-            for name in (one for one in programs if one in chosen):
-                results += _measure(job, name, programs, options)
+            cpu = _added_cpu(job, programs, chosen, options.rounds) if options.rounds else {}
+            for name in chosen:
+                results += _measure(job, name, programs[name], cpu, options)
             if options.json:  # after each part, because all take hours
                 options.json.write_text(
                     json.dumps([asdict(one) for one in results], indent=1) + "\n", "utf-8"
@@ -180,13 +184,15 @@ def _prepare(mesh: Mesh, plan: str, profile: Profile) -> _Job:
 
 
 def _programs(plan: str, prusa: PrusaSlicer | None, cura: CuraEngine | None) -> dict[str, Slice]:
-    """Return the programs that slice a part with supports, and `name, off` without."""
-    found: dict[str, Slice] = {style: _our_slice(style, plan) for style in _OURS}
+    """Return the programs that slice a part with supports, and "off" or "name, off" without."""
+    found: dict[str, Slice] = {style: _our_slice(style, plan) for style in (*_OURS, "off")}
     if prusa:
+        found["Prusa, off"] = _prusa_slice(plan, "", False)
         for style in ("grid", "snug"):
             for skips in (False, True):
                 found[f"Prusa {style}{' no bridges' if skips else ''}"] = _prusa_slice(plan, style, skips)
     if cura:
+        found["Cura, off"] = _cura_slice(cura, plan, "")
         for structure in ("normal", "tree"):
             found[f"Cura {structure}"] = _cura_slice(cura, plan, structure)
     return found
@@ -233,17 +239,15 @@ def _cura_slice(cura: CuraEngine, plan: str, structure: str) -> Slice:
 
 
 def _measure(
-    job: _Job, name: str, programs: Mapping[str, Slice], options: argparse.Namespace
+    job: _Job, name: str, slice_it: Slice, cpu: Mapping[str, float], options: argparse.Namespace
 ) -> list[Result]:
     """Measure the file of one program, print its row, and return the result; empty if it failed."""
     try:
-        text = programs[name](job.part)
-        figures = _figures(job, text)
-        cpu = _added_cpu(job, name, programs[name], options.rounds) if options.rounds else float("nan")
+        figures = _figures(job, slice_it(job.part))
     except RunError as error:
         print(f"| {name} | {str(error).splitlines()[0]} |", flush=True)
         return []
-    result = Result(job.part.mesh.name, job.plan, name, figures, cpu)
+    result = Result(job.part.mesh.name, job.plan, name, figures, cpu.get(name, float("nan")))
     print(result.line(), flush=True)
     if options.places:
         for what in ("bare_places", "unsupported", "floats", "sags", "inside_places"):
@@ -288,33 +292,29 @@ def _require_position(file: SupportFile, mesh: Mesh) -> None:
         raise RunError(f"the part is {shift.round(2).tolist()} mm from its place")
 
 
-def _added_cpu(job: _Job, name: str, slice_it: Slice, rounds: int) -> float:
-    """Return the CPU time, s, of slicing with supports minus without, the least of each over the rounds."""
-    plain: Slice = (
-        _our_slice("off", job.plan)
-        if name in _OURS
-        else _prusa_slice(job.plan, "", False)
-        if name.startswith("Prusa")
-        else _cura_slice(_require_cura(), job.plan, "")
-    )
-    costs: list[list[float]] = [[], []]
+def _added_cpu(
+    job: _Job, programs: Mapping[str, Slice], chosen: Sequence[str], rounds: int
+) -> dict[str, float]:
+    """Return the CPU time, s, of slicing with supports minus without, the least of each over the rounds.
+
+    A round runs every program once, one after the other, so that other load affects all of them.
+    """
+    plain = {name: f"{name.split()[0]}, off" if name not in _OURS else "off" for name in chosen}
+    runs = {name: programs[name] for name in (*dict.fromkeys(plain.values()), *chosen)}
+    costs: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(rounds):
-        for cost, one in zip(costs, (plain, slice_it), strict=True):
+        for name, slice_it in runs.items():
             with TemporaryDirectory() as folder:
                 part = Part(job.part.mesh, job.part.profile, Path(folder))
                 assert part.stl.exists()
                 begun = getrusage(RUSAGE_CHILDREN)
-                one(part)
+                try:
+                    slice_it(part)
+                except RunError:
+                    costs[name].append(float("inf"))  # its row says so
                 ended = getrusage(RUSAGE_CHILDREN)
-            cost.append(ended.ru_utime + ended.ru_stime - begun.ru_utime - begun.ru_stime)
-    return min(costs[1]) - min(costs[0])
-
-
-def _require_cura() -> CuraEngine:
-    cura = find_peers()[1]
-    if cura is None:
-        raise RunError("CuraEngine is not installed")
-    return cura
+            costs[name].append(ended.ru_utime + ended.ru_stime - begun.ru_utime - begun.ru_stime)
+    return {name: min(costs[name]) - min(costs[plain[name]]) for name in chosen}
 
 
 # Ratios
@@ -359,6 +359,13 @@ def _summary(results: Sequence[Result]) -> list[str]:
             f"\n{style}: median of {len(ratios_of)}: grams {median(grams_of):.2f} (most {grams_of[-1]:.2f}), "
             f"minutes {median(minutes_of):.2f} (most {minutes_of[-1]:.2f})"
         )
+    sums = {one.program: 0.0 for one in results if not np.isnan(one.cpu)}
+    for one in results:
+        if one.program in sums:
+            sums[one.program] += one.cpu
+    if sums:
+        said = ", ".join(f"{name} {seconds:.2f}" for name, seconds in sums.items())
+        lines.append(f"\nCPU time that supports add, sum over the files, s: {said}")
     return lines
 
 
