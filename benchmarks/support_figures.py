@@ -33,6 +33,7 @@ _LEAST_FLAT: Final = 4.0  # mm²
 _FARTHEST_GAP: Final = 1.2  # mm
 _COARSE: Final = 5  # cells of the grid in a cell by which pieces are told apart
 _CLOSING: Final = 3  # coarse cells
+_REACHES: Final = (3.0, 20.0)  # mm around overhangs in which supports are sought
 _BINS: Final = 0.05  # mm of height in which overhangs are handled together
 
 
@@ -385,23 +386,29 @@ def _bare(layers: Sequence[SupportLayer], solid: Solid, overhang: Overhang) -> t
     for some in np.split(order, np.flatnonzero(np.diff(number[order])) + 1) if len(order) else []:
         z = overhang.z[some]
         drawn = _near_below(layers, (float(z.min()), float(z.max())), solid)
-        bare[some] = _distances(drawn, overhang.cell[some], solid) > _SIDEWAYS
-        carries = drawn | solid.at(max(float(z.min()) - 0.2, 0.05))
-        farthest = max(farthest, float(_distances(carries, overhang.cell[some], solid).max()))
+        away = _distances(drawn, overhang.cell[some], solid)
+        bare[some] = away > _SIDEWAYS
+        far = overhang.cell[some[away > farthest]]
+        if len(far):
+            carries = drawn | solid.at(max(float(z.min()) - 0.2, 0.05))
+            farthest = max(farthest, float(_distances(carries, far, solid).max()))
     return bare, farthest
 
 
 def _distances(drawn: Bool, cell: Int, solid: Solid) -> Float:
-    """Return the distance (n,) of cells from drawn ones, mm; what is farther than 10 mm may be infinite."""
+    """Return the distance (n,) of cells from drawn ones, mm; infinite if none is near any of the cells."""
     grid = solid.grid
     i, j = np.divmod(cell, grid.shape[1])
-    margin = int(10 / grid.cell)
-    top, left = max(int(i.min()) - margin, 0), max(int(j.min()) - margin, 0)
-    window = drawn[top : int(i.max()) + margin, left : int(j.max()) + margin]
-    if not window.any():
-        return np.full(len(cell), np.inf)
-    away = ndimage.distance_transform_edt(~window)
-    return np.asarray(away[i - top, j - left] * grid.cell, np.float64)
+    for reach in _REACHES:
+        margin = int(reach / grid.cell)
+        top, left = max(int(i.min()) - margin, 0), max(int(j.min()) - margin, 0)
+        window = drawn[top : int(i.max()) + margin, left : int(j.max()) + margin]
+        if not window.any():
+            continue
+        away = ndimage.distance_transform_edt(~window)[i - top, j - left] * grid.cell
+        if away.max() < reach - grid.cell:
+            return np.asarray(away, np.float64)
+    return np.asarray(away, np.float64) if window.any() else np.full(len(cell), np.inf)
 
 
 def _bare_places(solid: Solid, overhang: Overhang, bare: Bool) -> list[Place]:
