@@ -28,6 +28,7 @@ from printer_slicer.model import LayerPlan, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.supports.base_rows import hatch_bases
+from printer_slicer.supports.branches import find_second_loops
 from printer_slicer.supports.slim_columns import find_slim_columns
 from printer_slicer.values import Struct
 
@@ -38,7 +39,6 @@ _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.5  # widths; shorter lines are dropped
 _LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
-_THICK_BRANCH: Final = 1.5  # mm, radius from which a branch has a second loop
 
 
 class _Widths(Struct, frozen=True, eq=False):
@@ -172,12 +172,10 @@ def _lay_branches(supports: Supports, widths: _Widths) -> list[Toolpaths]:
     hollow, layers = supports.hollow, supports.plan.layers
     if not hollow.n_rings:
         return []
-    pieces = split_connected(hollow)
-    is_thick = offset(pieces.areas, -_THICK_BRANCH).used
-    thick = pieces.on_layers(hollow.n_layers, np.flatnonzero(is_thick))
+    second = find_second_loops(hollow, widths.line / 2 + widths.spacing, float(widths.line[-1]))
     return [
         _make_loops(layers, offset(hollow, -widths.line / 2), widths),
-        _make_loops(layers, offset(thick, -widths.line / 2 - widths.spacing), widths),
+        _make_loops(layers, second, widths),
     ]
 
 
@@ -189,6 +187,7 @@ def _lay_joists(supports: Supports, widths: _Widths) -> Toolpaths:
     rows = np.maximum(np.rint((high - low) / width), 1)
     spacing = np.maximum(high - low, 1e-3) / rows
     lines = hatch(pieces.areas, angle=angle, spacing=spacing, phase=low / spacing + 0.5)
+    lines = lines.take(np.flatnonzero(lines.length() >= (1 + _SHORTEST) * width[lines.layer]))
     cut = np.minimum(width[lines.layer] / 2 / np.maximum(lines.length(), 1e-9), 0.4)[:, None]
     begin, end = lines.ends[:, 0], lines.ends[:, 1]
     ends = np.stack([begin + cut * (end - begin), end - cut * (end - begin)], axis=1)

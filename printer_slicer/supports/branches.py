@@ -11,7 +11,7 @@ from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import LayerPlan
 from printer_slicer.supports.tree_settings import TreeSettings
 
-__all__ = ["draw_branches", "find_closed_discs"]
+__all__ = ["draw_branches", "find_closed_discs", "find_second_loops"]
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
@@ -82,17 +82,45 @@ def find_closed_discs(hollow: Areas, width: float) -> Areas:
     return pieces.on_layers(hollow.n_layers, distinct(pieces.of_ring[ring[ring >= 0]]))
 
 
-def _mark_continued_rings(rings: Areas, most: float) -> Bool:
-    """Return a mask (R,) of rings whose box differs by at most `most` mm at each side from that of a ring below.
+def find_second_loops(hollow: Areas, inset: Float, width: float) -> Areas:
+    """Return the second loops of thick branches, which begin on the bed.
 
-    Most rings continue a tube. This takes much less time than to compare all their points. Rings of the lowest layer
-    are marked, too.
+    Where branches join, their union is thicker than the branch below it. A loop there would begin in the air.
+
+    Args:
+        hollow: branches that are printed as loops.
+        inset: (S,) distance of second loops from the outline, by layer, mm.
+        width: of the loops, mm.
+    """
+    pieces = split_connected(hollow)
+    is_thick = offset(pieces.areas, -_THICK).used
+    loops = offset(pieces.on_layers(hollow.n_layers, np.flatnonzero(is_thick)), -inset)
+    begins = loops.ring_layer == 0
+    ring, below = _find_continued_rings(loops, width / 2)
+    order = np.argsort(loops.ring_layer[ring], kind="stable")
+    ring, below = ring[order], below[order]
+    cuts = np.flatnonzero(np.diff(loops.ring_layer[ring])) + 1
+    for some in np.split(np.arange(len(ring)), cuts):
+        begins[ring[some[begins[below[some]]]]] = True
+    return loops.select(begins)
+
+
+def _find_continued_rings(rings: Areas, most: float) -> tuple[Int, Int]:
+    """Return pairs of a ring and one below it whose boxes differ by at most `most` mm at each side.
+
+    Most rings continue a tube. This takes much less time than to compare all their points.
     """
     boxes = Boxes.of_rings(rings)
     one, below = boxes.find_overlapping(Boxes(boxes.low, boxes.high, boxes.layer + 1))
     change = np.maximum(
         np.abs(boxes.low[one] - boxes.low[below]), np.abs(boxes.high[one] - boxes.high[below])
     )
+    same = change.max(axis=1) <= most
+    return one[same], below[same]
+
+
+def _mark_continued_rings(rings: Areas, most: float) -> Bool:
+    """Return a mask (R,) of rings that continue one below, see `_find_continued_rings`, or lie in the lowest layer."""
     result = rings.ring_layer == 0
-    result[one[change.max(axis=1) <= most]] = True
+    result[_find_continued_rings(rings, most)[0]] = True
     return np.asarray(result)

@@ -29,7 +29,7 @@ STOREY_RATIO = 3.0  # height of a storey, in cells
 _MOST_CELLS = 6e6  # in all storeys; large parts get larger cells
 _MARGIN = 15.0  # mm around the part in which branches may go
 _HALF_DIAGONAL = 0.35  # cells; the outline of a solid may pass beside the middles of its cells
-_FLAT = 0.25  # mm; a surface may vary by this much around a branch that stands on it
+_FLAT = 0.6  # mm; a surface may vary by this much around a branch that stands on it
 _AROUND = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 

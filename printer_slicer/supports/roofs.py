@@ -8,6 +8,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.geometry import (
     Areas,
     difference,
+    find_enclosing_rings,
     hatch,
     intersection,
     normalize,
@@ -201,12 +202,15 @@ def _draw_rectangles(ends: Float, along: float, across: Float, layer: Int, n_lay
 
 
 def _find_angles_across(joists: Joists, roof: Areas) -> Float:
-    """Return for each ring (R,) the direction across the nearest joist, radians; nan without one."""
+    """Return for each ring (R,) the direction across the longest joist in it, or the nearest one, radians; else nan."""
     result = np.full(roof.n_rings, np.nan)
-    middle = joists.ends.mean(axis=1)
+    middle, length = joists.ends.mean(axis=1), norm(joists.ends[:, 1] - joists.ends[:, 0])
+    order = np.lexsort((length, joists.roof_layer))
+    inside = find_enclosing_rings(roof, middle[order], joists.roof_layer[order])
     for ring, layer in enumerate(roof.ring_layer.tolist()):
         own = np.flatnonzero(joists.roof_layer == layer)
         if len(own):
             away = norm(middle[own] - roof.ring(ring).mean(axis=0))
-            result[ring] = (joists.angle[own[np.argmin(away)]] + np.pi / 2) % np.pi
-    return result
+            result[ring] = joists.angle[own[np.argmin(away)]]
+    result[inside[inside >= 0]] = joists.angle[order][inside >= 0]  # the longest comes last
+    return np.asarray((result + np.pi / 2) % np.pi)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, difference, offset, offset_open, split_connected, union
+from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, split_connected
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
@@ -38,6 +38,9 @@ __all__ = ["grow_trees"]
 _CONTACT_GROWTH = 0.2  # mm by which contacts reach beyond the overhang
 _BESIDE_ROOF = 1.0  # mm; strips this near to a roof need no tips
 _ATTEMPTS = 5  # rounds of tips, of which the first one is for islands
+_LEAST_BOTTOM_GAP = (
+    0.5  # of the gap; the layers are not planned for ends on the part, which must not be too far above it
+)
 _THINNEST = 0.4  # extrusion widths; narrower rests of branches are left out
 
 
@@ -58,7 +61,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     if not n:
         return Supports(plan, empty, empty, empty, empty, empty)
     settings = read_tree_settings(profile, float(layers.height.max()), float(layers.top[-1]))
-    gaps = settings.bottom_gap, settings.gap
+    gaps = _LEAST_BOTTOM_GAP * settings.bottom_gap, settings.gap
     blocked = find_blocked_areas(sections, layers, settings.xy_gap, gaps, settings.near_gap)
     bed = np.array(profile.printer.corners[0]), np.array(profile.printer.corners[1])
     fields = build_fields(sections, float(layers.top[-1]), bed, settings)
@@ -73,19 +76,21 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     base = draw_branches(forest.pieces, forest.piece_heights, layers, settings)
     others = roofs.roof.merge(roofs.joist)
     base = _cut_off(base, blocked, others, settings.width)
-    hollow = base.of_layers(np.arange(1, n))
-    closed = find_closed_discs(hollow, settings.width)
-    interface = union(roofs.roof, closed)
+    hollow, closed = _find_hollow(base, settings)
+    interface = roofs.roof.merge(closed)
+    # Lines of closed branches may have any direction: in the second layer, they must cross those of the feet.
+    angle = np.append(roofs.find_line_angles(roofs.roof), np.full(closed.n_rings, np.nan))
+    order = np.argsort(np.append(roofs.roof.ring_layer, closed.ring_layer), kind="stable")
     return Supports(
         plan,
         base=difference(base, closed),
         interface=interface,
         floor=empty,
         joists=roofs.joist,
-        hollow=difference(hollow, closed),
+        hollow=hollow,
         branches=forest.pieces,
         bare=bare,
-        interface_angle=roofs.find_line_angles(interface),
+        interface_angle=angle[order],
     )
 
 
@@ -98,6 +103,25 @@ def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
     rests = split_connected(rest)
     large = rests.on_layers(base.n_layers, np.flatnonzero(rests.areas.area() >= width**2))
     return free.merge(large)
+
+
+def _find_hollow(base: Areas, settings: TreeSettings) -> tuple[Areas, Areas]:
+    """Return where branches are printed as loops, and where they are closed layers because a loop above hangs.
+
+    In the lowest layer, there are loops in the middle of each foot, below those of the next layer.
+    """
+    above_bed = base.of_layers(np.arange(1, base.n_layers))
+    on_bed = intersection(base.of_layers(np.arange(1)), _find_next(above_bed))
+    closed = find_closed_discs(Areas.merged([on_bed, above_bed]), settings.width)
+    above_bed = difference(above_bed, closed)
+    closed = closed.of_layers(np.arange(1, base.n_layers))  # feet are filled with lines anyway
+    on_bed = intersection(on_bed, _find_next(above_bed))
+    return Areas.merged([on_bed, above_bed]), closed
+
+
+def _find_next(areas: Areas) -> Areas:
+    """Return the areas of the second layer as those of the lowest one."""
+    return areas.shift_layers(-1).of_layers(np.arange(1))
 
 
 _Room = tuple[Fields, Sections, TreeSettings]

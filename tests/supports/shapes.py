@@ -19,6 +19,7 @@ __all__ = [
     "sphere_on_bed",
     "table",
     "tee",
+    "tub",
 ]
 
 
@@ -86,3 +87,13 @@ def shelf_and_arm() -> Mesh:
 def hook() -> Mesh:
     """A post with an arm, from which a cone of 15 mm hangs down."""
     return inverted_cone()
+
+
+def tub() -> Mesh:
+    """A tub with a shelf inside, under which supports can only stand on the floor of the tub."""
+    walls = [
+        *(box((50.0, 4.0, 30.0), (-25.0, y, 0.0)) for y in (-25.0, 21.0)),
+        *(box((4.0, 50.0, 30.0), (x, -25.0, 0.0)) for x in (-25.0, 21.0)),
+    ]
+    floor, shelf = box((50.0, 50.0, 3.0), (-25.0, -25.0, 0.0)), box((20.0, 44.0, 3.0), (-23.0, -22.0, 20.0))
+    return joined([*walls, floor, shelf], "tub")
