@@ -37,6 +37,7 @@ __all__ = ["lay_support_beads"]
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.5  # widths; shorter lines are dropped
+_SHORTEST_CLOSED: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
 _LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
 
@@ -133,7 +134,8 @@ def _join_lines(
         rows: distance between the rows of each entry (E,), mm, and the role.
     """
     (area, layer_of), (spacing, role) = within, rows
-    kept = lines.take(np.flatnonzero(lines.length() >= _SHORTEST * widths.line[layer_of[lines.layer]]))
+    shortest = _SHORTEST_CLOSED if role == Role.SUPPORT_INTERFACE else _SHORTEST
+    kept = lines.take(np.flatnonzero(lines.length() >= shortest * widths.line[layer_of[lines.layer]]))
     xy, start, entry = chain_rows(kept, max_turn=_LONGEST_TURN * spacing)
     # Zigzags are cut where the step from row to row leaves the area, as beside a thin wall between two rows.
     step = np.setdiff1d(np.arange(1, len(xy) - 1, 2), start[1:] - 1)

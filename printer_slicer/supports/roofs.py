@@ -15,15 +15,25 @@ from printer_slicer.geometry import (
     offset_open,
     split_connected,
     stroke_lines,
+    union,
 )
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct
 
-__all__ = ["Joists", "Roofs", "build_roofs", "find_wide_contacts", "keep_carried_roofs", "lay_joists"]
+__all__ = [
+    "Joists",
+    "Roofs",
+    "build_roofs",
+    "find_shortest_lines",
+    "find_wide_contacts",
+    "keep_carried_roofs",
+    "lay_joists",
+]
 
 _NARROWEST_ROOF = 2.0  # mm
 _DIRECTIONS = np.deg2rad(np.arange(0, 180, 5))
+_THINNEST = 0.4  # extrusion widths; narrower rests of roofs are left out
 _LAPPING = 0.1  # mm by which the roof reaches beyond the middle between two joists
 
 
@@ -32,7 +42,7 @@ class Joists(Struct, frozen=True, eq=False):
 
     Attributes:
         ends: (J, 2, 2) mm, both ends of each centre line.
-        roof_layer: (J,) support layer of the roof; the joist lies in the layer below.
+        roof_layer: (J,) support layer of the contact; the joist lies below the closed layers of the roof.
         angle: (J,) direction, radians.
         spacing: (J,) distance to the next joist under the same piece of roof, mm.
         share: (T,) positions of tips, from 0 at the first end to 1.
@@ -57,18 +67,32 @@ class Roofs(Struct, frozen=True, eq=False):
     """Roofs and joists as areas by support layer.
 
     Attributes:
+        contact: where roofs or joists touch the overhang.
         roof: closed layers.
         joist: lines below.
         joists: the same lines.
+        n_closed: number of closed layers under each contact.
     """
 
+    contact: Areas
     roof: Areas
     joist: Areas
     joists: Joists
+    n_closed: int
 
-    def find_line_angles(self, areas: Areas) -> Float:
-        """Return for each ring of areas the direction across the nearest joist below it, radians; nan without one."""
-        return _find_angles_across(self.joists, areas)
+    def find_line_angles(self) -> Float:
+        """Return for each ring of the roof the direction across the joist below it, radians; nan without one."""
+        return _find_angles_across(self.joists, self.roof, self.n_closed)
+
+
+def find_shortest_lines(closed: Areas) -> Float:
+    """Return for each ring of closed branches the direction across its piece, radians.
+
+    In the second layer it is nan, because there the lines must cross those of the feet.
+    """
+    pieces = split_connected(closed)
+    angle = (_choose_directions(pieces.areas)[0] + np.pi / 2) % np.pi
+    return np.where(closed.ring_layer > 1, angle[pieces.of_ring], np.nan)
 
 
 def find_wide_contacts(contacts: Areas, carrier: Int, n_layers: int) -> Areas:
@@ -167,25 +191,36 @@ def keep_carried_roofs(joists: Joists, carried: Bool, settings: TreeSettings) ->
     )
 
 
-def build_roofs(roofs: Areas, joists: Joists, blocked: Areas, settings: TreeSettings) -> Roofs:
+def build_roofs(contacts: Areas, joists: Joists, blocked: Areas, settings: TreeSettings) -> Roofs:
     """Return the areas of joists, and the roofs as far as joists carry them.
 
-    Roofs in the lowest layer lie on the bed and need no joists. Lines of a roof run across the joists, so a roof ends
+    Roofs in the lowest layers lie on the bed and need no joists. Lines of a roof run across the joists, so a roof ends
     where its joists end, and beside them half way to the next joist.
     """
-    n = roofs.n_layers
+    n, n_closed = contacts.n_layers, settings.interface_layers
     order = np.argsort(joists.roof_layer, kind="stable")
     ends, layer = joists.ends[order], joists.roof_layer[order]
     reach = np.maximum(joists.spacing[order] / 2 + _LAPPING, settings.width)
     near = normalize(_draw_rectangles(ends, settings.width / 2 + _LAPPING, reach, layer, n))
-    on_bed = roofs.of_layers(np.arange(1))
-    roof = intersection(roofs, near).of_layers(np.arange(1, n)).merge(on_bed)
-    above_bed = layer > 0
+    on_bed = contacts.of_layers(np.arange(min(n_closed, n)))
+    carried = intersection(contacts, near).of_layers(np.arange(n_closed, n)).merge(on_bed)
+    roof = offset_open(_stack_roofs(carried, blocked, n_closed), _THINNEST * settings.width)
+    above_bed = layer >= n_closed
     ends, layer = ends[above_bed], layer[above_bed]
     half = np.full(len(layer), settings.width / 2)
-    joist = stroke_lines(ends.reshape(-1, 2), 2 * np.arange(len(layer) + 1), layer - 1, half, n)
+    joist = stroke_lines(ends.reshape(-1, 2), 2 * np.arange(len(layer) + 1), layer - n_closed, half, n)
     joist = difference(difference(joist, blocked), roof)
-    return Roofs(roof, joist, joists)
+    return Roofs(carried, roof, joist, joists, n_closed)
+
+
+def _stack_roofs(contacts: Areas, blocked: Areas, n_closed: int) -> Areas:
+    """Return the closed layers under contacts, as many as there is room for above the bed."""
+    if not n_closed:
+        return Areas.empty(contacts.n_layers)
+    roof = contacts
+    for below in range(1, n_closed):
+        roof = union(roof, contacts.shift_layers(-below))
+    return difference(roof, blocked) if n_closed > 1 else roof
 
 
 def _draw_rectangles(ends: Float, along: float, across: Float, layer: Int, n_layers: int) -> Areas:
@@ -201,16 +236,24 @@ def _draw_rectangles(ends: Float, along: float, across: Float, layer: Int, n_lay
     return Areas(corners.reshape(-1, 2), 4 * np.arange(len(ends) + 1), layer, n_layers)
 
 
-def _find_angles_across(joists: Joists, roof: Areas) -> Float:
-    """Return for each ring (R,) the direction across the longest joist in it, or the nearest one, radians; else nan."""
+def _find_angles_across(joists: Joists, roof: Areas, n_closed: int) -> Float:
+    """Return for each ring (R,) the direction across the longest joist in it, or the nearest one, radians; else nan.
+
+    Joists count for the `n_closed` layers above them.
+    """
     result = np.full(roof.n_rings, np.nan)
+    below = np.repeat(np.arange(n_closed), len(joists.angle))
+    joist = np.tile(np.arange(len(joists.angle)), n_closed)
+    joist_layer = joists.roof_layer[joist] - below
     middle, length = joists.ends.mean(axis=1), norm(joists.ends[:, 1] - joists.ends[:, 0])
-    order = np.lexsort((length, joists.roof_layer))
-    inside = find_enclosing_rings(roof, middle[order], joists.roof_layer[order])
+    order = np.lexsort((length[joist], joist_layer))
+    joist, joist_layer = joist[order], joist_layer[order]
+    joist, joist_layer = joist[joist_layer >= 0], joist_layer[joist_layer >= 0]
+    inside = find_enclosing_rings(roof, middle[joist], joist_layer)
     for ring, layer in enumerate(roof.ring_layer.tolist()):
-        own = np.flatnonzero(joists.roof_layer == layer)
+        own = joist[slice(*np.searchsorted(joist_layer, [layer, layer + 1]).tolist())]
         if len(own):
             away = norm(middle[own] - roof.ring(ring).mean(axis=0))
             result[ring] = joists.angle[own[np.argmin(away)]]
-    result[inside[inside >= 0]] = joists.angle[order][inside >= 0]  # the longest comes last
+    result[inside[inside >= 0]] = joists.angle[joist[inside >= 0]]  # the longest comes last
     return np.asarray((result + np.pi / 2) % np.pi)

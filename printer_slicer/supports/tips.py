@@ -61,10 +61,11 @@ class Tips(Struct, frozen=True, eq=False):
         return Tips(*(getattr(self, name)[which] for name in self.__struct_fields__))
 
 
-def list_joist_tips(joists: Joists, top: Float) -> Tips:
-    """Return the tips under joists; those in the lowest two layers lie on the bed and need none."""
-    above = np.flatnonzero(joists.roof_layer[joists.of_tip] >= 2)
-    layer = joists.roof_layer[joists.of_tip[above]] - 2
+def list_joist_tips(joists: Joists, top: Float, interface_layers: int) -> Tips:
+    """Return the tips under joists; joists on the bed, and roofs without joists, need none."""
+    layer = joists.roof_layer[joists.of_tip] - interface_layers - 1
+    above = np.flatnonzero(layer >= 0)
+    layer = layer[above]
     place = np.column_stack([joists.tip_places[above], top[layer]])
     return Tips(place, layer, above, np.zeros(len(above), np.bool_), np.zeros(len(above)))
 

@@ -19,6 +19,7 @@ class TreeSettings(Struct, frozen=True):
         xy_gap: distance beside the part.
         near_gap: distance beside those layers of the part that lie within `gap` above or `bottom_gap` below.
         joist: distance between joists under a roof, and between tips under slopes.
+        interface_layers: closed layers of a roof; 0: joists lie right under the overhang.
         tip_distance: distance between tips under a joist.
         tip_radius: radius of a branch under the overhang.
         branch_radius: radius that a branch reaches 2 mm below its tip.
@@ -37,6 +38,7 @@ class TreeSettings(Struct, frozen=True):
     xy_gap: float
     near_gap: float
     joist: float
+    interface_layers: int
     tip_distance: float
     tip_radius: float
     branch_radius: float
@@ -78,6 +80,7 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         xy_gap=xy_gap,
         near_gap=min(_NEAR_GAP, xy_gap),
         joist=quality.support_joist,
+        interface_layers=quality.support_interface_layers,
         tip_distance=quality.support_tip_distance,
         tip_radius=quality.support_tip_diameter / 2,
         branch_radius=max(radius, quality.support_tip_diameter / 2),

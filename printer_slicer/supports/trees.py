@@ -16,6 +16,7 @@ from printer_slicer.supports.fields import Fields, build_fields
 from printer_slicer.supports.roofs import (
     Roofs,
     build_roofs,
+    find_shortest_lines,
     find_wide_contacts,
     keep_carried_roofs,
     lay_joists,
@@ -69,7 +70,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
         _find_contacts(area, plan.carrier, blocked) for area in (overhangs.area, overhangs.islands)
     )
     roofs, tips, starts = _plan_roofs(strips, plan, blocked, (fields, sections, settings))
-    covered = offset(roofs.roof, _BESIDE_ROOF).copy_layers(np.maximum(plan.carrier, 0))
+    covered = offset(roofs.contact, _BESIDE_ROOF).copy_layers(np.maximum(plan.carrier, 0))
     rest = difference(strips, covered), difference(islands, covered)
     tips, starts, bare = _plan_tips(rest, (tips, starts), overhangs, plan, (fields, sections, settings))
     forest = smooth_branches(descend(tips.place, starts, fields, settings), fields, settings)
@@ -78,8 +79,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     base = _cut_off(base, blocked, others, settings.width)
     hollow, closed = _find_hollow(base, settings)
     interface = roofs.roof.merge(closed)
-    # Lines of closed branches may have any direction: in the second layer, they must cross those of the feet.
-    angle = np.append(roofs.find_line_angles(roofs.roof), np.full(closed.n_rings, np.nan))
+    angle = np.append(roofs.find_line_angles(), find_shortest_lines(closed))
     order = np.argsort(np.append(roofs.roof.ring_layer, closed.ring_layer), kind="stable")
     return Supports(
         plan,
@@ -138,7 +138,7 @@ def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -
     fields, sections, settings = room
     wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
     joists = lay_joists(wide, settings)
-    tips = list_joist_tips(joists, plan.layers.top)
+    tips = list_joist_tips(joists, plan.layers.top, settings.interface_layers)
     starts = choose_starts(tips.place, fields, sections, settings)
     carried = np.ones(len(joists.of_tip), np.bool_)
     carried[tips.of_joist] = starts.found
