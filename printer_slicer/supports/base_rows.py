@@ -23,14 +23,16 @@ from printer_slicer.supports.pieces import unite_layers
 __all__ = ["hatch_bases"]
 
 _SEAM: Final = 0.01  # mm; columns nearer than twice this overlap
+_EDGE: Final = 0.9  # mm from the edge of columns to their outermost rows
+_WIDEST: Final = 1.25  # times the usual distance, which rows may have so that there is one less
 _FIRST_LAYER_ROWS: Final = 2.0  # rows of the first layer for each row above
 
 
 def hatch_bases(supports: Supports, inner: Areas, spacing: float) -> tuple[Lines, ConnectedAreas, Float]:
     """Return the lines of bases, along x.
 
-    Columns that overlap, seen from above, have the same rows in all layers. A whole number of rows fits, and the
-    outermost ones lie half a spacing inside. The first layer has another row between each two.
+    Columns that overlap, seen from above, have the same rows in all layers. The outermost rows lie near the edges,
+    because interfaces end there. The first layer has another row between each two.
 
     Args:
         supports: the columns.
@@ -42,12 +44,19 @@ def hatch_bases(supports: Supports, inner: Areas, spacing: float) -> tuple[Lines
     """
     pieces = split_connected(inner)
     group, low, high = _find_groups(supports, pieces)
-    count = np.maximum(np.rint((high - low) / spacing), 1.0)
-    step = np.maximum(high - low, 1e-3) / count
-    place = low + step / 2  # of the lowest row
-    rows, first = step[group], place[group]
+    first, step = _place_rows(low, high, spacing)
+    rows, first = step[group], first[group]
     rows = np.where(pieces.layer == 0, rows / _FIRST_LAYER_ROWS, rows)
     return hatch(pieces.areas, angle=0.0, spacing=rows, phase=first / rows), pieces, rows
+
+
+def _place_rows(low: Float, high: Float, spacing: float) -> tuple[Float, Float]:
+    """Return the lowest row (G,) of columns from `low` to `high` (G,), and the distance (G,) between their rows, mm."""
+    between = np.maximum(high - low - 2 * _EDGE, 0.0) / spacing
+    fewer = np.floor(between)
+    count = np.where(between <= _WIDEST * fewer, fewer, np.ceil(between))
+    step = np.where(count > 0, between * spacing / np.maximum(count, 1), np.maximum(high - low, 1e-3))
+    return np.where(count > 0, low + _EDGE, (low + high) / 2), step
 
 
 def _find_groups(supports: Supports, pieces: ConnectedAreas) -> tuple[Int, Float, Float]:

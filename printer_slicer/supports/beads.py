@@ -20,9 +20,12 @@ from printer_slicer.geometry import (
     difference,
     hatch,
     intersection,
+    normalize,
     offset,
     offset_open,
     split_connected,
+    stroke_lines,
+    union,
 )
 from printer_slicer.model import LayerPlan, Supports, Toolpaths
 from printer_slicer.profile import Profile
@@ -36,9 +39,11 @@ __all__ = ["lay_support_beads"]
 
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
-_SHORTEST: Final = 0.5  # widths; shorter lines are dropped
+_SHORTEST: Final = 0.8  # widths; shorter lines are dropped
 _SHORTEST_CLOSED: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
 _LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
+_LONGEST_END: Final = 0.9  # mm by which lines of interfaces may reach beyond the lines below
+_WIDEST_GAP: Final = 1.25  # row spacings between two rows
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
 
 
@@ -73,7 +78,7 @@ def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
             *_lay_base(supports, widths, profile),
             *_lay_branches(supports, widths),
             _lay_joists(supports, widths),
-            _lay_closed(supports.interface, supports.interface_angle, widths, layers, profile),
+            _lay_closed(*_trim_interface(supports, widths, profile), widths, layers, profile),
             _lay_closed(supports.floor, np.full(supports.floor.n_rings, np.nan), widths, layers, profile),
         ],
     )
@@ -87,7 +92,7 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
     """
     quality, layers = profile.quality, supports.plan.layers
     area = difference(supports.base, supports.hollow) if supports.hollow.n_rings else supports.base
-    slim = find_slim_columns(supports, quality.support_spacing)
+    slim = find_slim_columns(supports, quality.support_spacing, widths.line)
     is_first = np.arange(layers.n_layers) == 0
     paths, inner, filled = [], offset(area, -widths.line / 2), area
     for number in range(max(quality.support_walls, 1)):
@@ -97,7 +102,7 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
         filled = offset(filled, np.where(everywhere, -widths.spacing, 0.0))
         inner = offset(filled, np.where(everywhere, -(0.5 - _OVERLAP), -0.5) * widths.line)
     if not quality.support_walls:
-        above = difference(slim, supports.interface.merge(supports.floor)).of_layers(~is_first)
+        above = difference(slim, supports.interface.merge(supports.floor))
         paths.append(_make_loops(layers, offset(above, -widths.line / 2), widths))
         band = difference(above, offset(above, -widths.spacing))
         inner = difference(inner, offset(band, (0.5 - _OVERLAP) * widths.line))
@@ -106,6 +111,26 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
         inner = difference(inner, above).merge(inside)
     lines, pieces, spacing = hatch_bases(supports, inner, quality.support_spacing)
     return [*paths, _join_lines(layers, lines, (area, pieces.layer), widths, (spacing, Role.SUPPORT))]
+
+
+def _trim_interface(supports: Supports, widths: _Widths, profile: Profile) -> tuple[Areas, Float]:
+    """Return the interface without what reaches too far beyond the rows of columns, and the angle of its rings (R,).
+
+    Roofs of trees end at their joists.
+    """
+    interface, spacing = supports.interface, profile.quality.support_spacing
+    if supports.hollow.n_rings or not interface.n_rings:
+        return interface, supports.interface_angle
+    columns = normalize(supports.base.merge(interface).merge(supports.floor)).of_layers(interface.used)
+    lines, pieces, _ = hatch_bases(supports, columns, spacing)
+    layer = pieces.layer[lines.layer]
+    start, n = 2 * np.arange(lines.n_lines + 1), interface.n_layers
+    near = stroke_lines(lines.ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _LONGEST_END, n)
+    between = max(_WIDEST_GAP * spacing / 2 - _LONGEST_END, 0.0)
+    near = offset(offset(near, between), -between)  # what lies between two rows is carried by both
+    slim = find_slim_columns(supports, spacing, widths.line).of_layers(interface.used)
+    trimmed = intersection(interface, union(near, slim))
+    return trimmed, np.full(trimmed.n_rings, np.nan)
 
 
 def _make_loops(layers: LayerPlan, loops: Areas, widths: _Widths) -> Toolpaths:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, distinct
+from printer_slicer.arrays import Float, consecutive, distinct
 from printer_slicer.geometry import (
     Areas,
     difference,
@@ -38,6 +38,8 @@ _WIDE: Final = 5.0  # mm; wider columns need not become wider
 _WIDENING: Final = tan(radians(5.0))  # mm per mm of height
 _WIDENING_STEP: Final = 2.0  # mm of height after which a column becomes wider
 _LEAST_LOST: Final = 0.5  # mm²; smaller contacts that are lost are rounding
+_ROUNDING: Final = 1e-6  # mm
+_GROUND_DEPTH: Final = 0.6  # mm below a support layer, up to which the part carries it
 _OUTSIDE_BED: Final = "its support would lie outside the bed"
 _NOT_ON_BED: Final = "its support would stand on the part"
 
@@ -71,7 +73,9 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
         contacts = standing
     if quality.support_foot:
         columns = _add_foot(columns, blocked, profile)
-    base, interface, floor = divide_columns(columns, contacts, quality.support_interface_layers)
+    base, interface, floor = divide_columns(
+        columns, contacts, _find_ground(sections, layers), quality.support_interface_layers
+    )
     none = Areas.empty(layers.n_layers)
     return Supports(plan, base, interface, floor, joists=none, hollow=none, bare=bare)
 
@@ -97,6 +101,15 @@ def find_contacts(
     order = order[own[order] >= 0]
     islands = offset(normalize(overhangs.islands.restacked(order, own[order], n_layers)), _ISLAND_GROWTH)
     return difference(union(contacts, islands), blocked)
+
+
+def _find_ground(sections: Sections, layers: LayerPlan) -> Areas:
+    """Return all of the part that ends shortly below each support layer, which a support may stand on."""
+    top = sections.plan.top
+    first = np.searchsorted(top, layers.bottom - _GROUND_DEPTH)
+    count = np.searchsorted(top, layers.bottom + _ROUNDING, side="right") - first
+    entry = np.repeat(np.arange(layers.n_layers), count)
+    return normalize(sections.solid.copy_layers(consecutive(first, count)).on_layers(entry, layers.n_layers))
 
 
 def _find_gaps_above(plan: SupportPlan, gap: float) -> Float:

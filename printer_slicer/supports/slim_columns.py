@@ -6,8 +6,19 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, intersection, normalize, offset, simplify, split_connected, union
+from printer_slicer.arrays import Float, Int, distinct
+from printer_slicer.geometry import (
+    Areas,
+    depths,
+    find_enclosing_rings,
+    intersection,
+    normalize,
+    offset,
+    simplify,
+    split_connected,
+    union,
+)
+from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Supports
 
 __all__ = ["find_slim_columns"]
@@ -15,14 +26,22 @@ __all__ = ["find_slim_columns"]
 _SLIM_RATIO: Final = 2.0  # row spacings; wider columns have enough lines
 _SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed
 _RESOLUTION: Final = 0.05  # mm of outlines
+_LONGEST_HANGING: Final = 1.5  # mm of a loop without another one below
+_MOST_HANGING: Final = 0.2  # of the loops of a piece; more may hang than of a short loop
 _SLIM_HEIGHT: Final = 2.0  # mm; a strip at the top of a wider column is not a slim column
 
 
-def find_slim_columns(supports: Supports, spacing: float) -> Areas:
+def find_slim_columns(supports: Supports, spacing: float, width: Float) -> Areas:
     """Return the areas of slim columns, by support layer, without branches.
 
     A piece begins a slim column if it is narrow, and still narrow some mm below. From there the column goes down
     with the same outline, so that each loop around it lies on another one, also where it becomes part of a wider one.
+    Below a slope that is not possible where the column recedes from layer to layer, so it has no loops there.
+
+    Args:
+        supports: the columns.
+        spacing: distance between the lines of columns, mm.
+        width: (S,) extrusion width, mm.
     """
     layers, n_layers = supports.plan.layers, supports.plan.layers.n_layers
     columns = normalize(supports.base.merge(supports.interface).merge(supports.floor))
@@ -35,7 +54,27 @@ def find_slim_columns(supports: Supports, spacing: float) -> Areas:
     # The first layer is wider because of the foot.
     low = np.maximum(np.searchsorted(layers.top, layers.top - _SLIM_HEIGHT), min(1, n_layers - 1))
     begins = intersection(narrow, narrow.copy_layers(low))
-    return _follow_down(begins, columns, first)
+    return _drop_hanging(_follow_down(begins, columns, first), supports.base, width)
+
+
+def _drop_hanging(slim: Areas, base: Areas, width: Float) -> Areas:
+    """Return the slim columns, by layer, without pieces whose loops would hang between the lines of the base below."""
+    pieces = split_connected(slim)
+    loops = offset(pieces.areas, -width[pieces.layer] / 2)
+    point, layer = (loops.xy + loops.xy[loops.following]) / 2, pieces.layer[loops.point_layer]
+    length = norm(loops.xy[loops.following] - loops.xy)
+    whole = np.bincount(loops.point_layer, length, pieces.count)
+    over = np.full(len(point), -1)
+    over[layer > 0] = find_enclosing_rings(base, point[layer > 0], layer[layer > 0] - 1)
+    kept = np.ones(pieces.count, np.bool_)
+    for one in distinct(pieces.layer)[distinct(pieces.layer) > 0]:
+        below = loops.select((kept & (pieces.layer == one - 1))[loops.ring_layer])
+        below = below.on_layers(np.zeros(pieces.count, np.int64), 1)
+        own = np.flatnonzero((layer == one) & (over >= 0))
+        far = np.isnan(depths(below, point[own], np.zeros(len(own), np.int64), float(width[one]) / 2))
+        hanging = np.bincount(loops.point_layer[own], length[own] * far, pieces.count)
+        kept &= hanging <= np.maximum(_LONGEST_HANGING, _MOST_HANGING * whole)
+    return pieces.on_layers(slim.n_layers, np.flatnonzero(kept))
 
 
 def _follow_down(begins: Areas, columns: Areas, first: Int) -> Areas:

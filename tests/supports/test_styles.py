@@ -91,12 +91,12 @@ def test_trees_keep_their_distance_from_columns() -> None:
 def test_facts_name_both_styles() -> None:
     profile = load_profile(quality="standard", changes={"support": "auto"})
     styles = {}
-    for name in ("shelf and arm", "tee", "hook"):
+    for name in ("shelf and arm", "tee", "mushroom"):
         facts = collect_support_facts(slice_stages(PARTS[name](), profile), profile)
         assert facts is not None
         styles[name] = facts["style"]
 
-    assert styles == {"shelf and arm": "columns and tree", "tee": "tree", "hook": "columns"}
+    assert styles == {"shelf and arm": "columns and tree", "tee": "tree", "mushroom": "columns"}
 
 
 @pytest.mark.parametrize("style", ["columns", "tree"])
