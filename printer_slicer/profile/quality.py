@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from msgspec import field
 
-from printer_slicer.profile.base import EACH_OBJECT, make_meta
+from printer_slicer.profile.base import ANYWHERE, make_meta
 from printer_slicer.profile.overrides import Override
 from printer_slicer.profile.part_quality import PartQuality
 from printer_slicer.profile.speeds import Accelerations, Speeds
@@ -69,7 +69,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
         make_meta(
             "supports under overhangs: off: none; auto: columns or trees, whichever cost less; columns: straight "
             "down; tree: branches that merge",
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = "off"
     support_places: Annotated[
@@ -88,7 +88,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "degrees",
             ge=0,
             le=89,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 40
     support_max_bridge: Annotated[
@@ -98,7 +98,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=100,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 10
     support_min_area: Annotated[
@@ -108,7 +108,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm²",
             ge=0,
             le=1000,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 1
     support_min_reach: Annotated[
@@ -118,17 +118,17 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=10,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 0.5
     support_gap: Annotated[
         float,
-        make_meta("vertical gap between supports and the overhang above", "mm", ge=0, le=1, own=EACH_OBJECT),
+        make_meta("vertical gap between supports and the overhang above", "mm", ge=0, le=1, own=ANYWHERE),
     ] = 0.2
     support_bottom_gap: Annotated[
         float,
         make_meta(
-            "vertical gap between the part and supports that stand on it", "mm", ge=0, le=1, own=EACH_OBJECT
+            "vertical gap between the part and supports that stand on it", "mm", ge=0, le=1, own=ANYWHERE
         ),
     ] = 0.2
     support_gap_slack: Annotated[
@@ -138,7 +138,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=0.3,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 0.1
     support_xy_gap: Annotated[
@@ -148,7 +148,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=10,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 0.35
     support_layer_max: Annotated[
@@ -158,16 +158,16 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
         bool, make_meta("give supports the same layers as the part; false: layers of their own")
     ] = False
     support_interface_layers: Annotated[
-        int, make_meta("number of closed layers on top of supports", ge=0, le=10, own=EACH_OBJECT)
+        int, make_meta("number of closed layers on top of supports", ge=0, le=10, own=ANYWHERE)
     ] = 2
     support_interface_spacing: Annotated[
-        float, make_meta("gap between the lines of support interfaces", "mm", ge=0, le=5, own=EACH_OBJECT)
+        float, make_meta("gap between the lines of support interfaces", "mm", ge=0, le=5, own=ANYWHERE)
     ] = 0.2
     support_spacing: Annotated[
-        float, make_meta("distance between the lines of supports", "mm", ge=0.5, le=20, own=EACH_OBJECT)
+        float, make_meta("distance between the lines of supports", "mm", ge=0.5, le=20, own=ANYWHERE)
     ] = 2.5
     support_walls: Annotated[
-        int, make_meta("number of loops around columns of support", ge=0, le=10, own=EACH_OBJECT)
+        int, make_meta("number of loops around columns of support", ge=0, le=10, own=ANYWHERE)
     ] = 0
     support_closing: Annotated[
         float,
@@ -176,14 +176,14 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=10,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 1
     support_on_bed_only: Annotated[
-        bool, make_meta("supports stand only on the bed, never on the part", own=EACH_OBJECT)
+        bool, make_meta("supports stand only on the bed, never on the part", own=ANYWHERE)
     ] = False
     support_foot: Annotated[
-        float, make_meta("width that supports gain at the bed", "mm", ge=0, le=20, own=EACH_OBJECT)
+        float, make_meta("width that supports gain at the bed", "mm", ge=0, le=20, own=ANYWHERE)
     ] = 3
     support_joist: Annotated[
         float,
@@ -192,7 +192,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0.5,
             le=10,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 2.5
     support_tip_distance: Annotated[
@@ -202,11 +202,11 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0.5,
             le=50,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 5
     support_tip_diameter: Annotated[
-        float, make_meta("diameter of the tips of trees", "mm", ge=0.2, le=5, own=EACH_OBJECT)
+        float, make_meta("diameter of the tips of trees", "mm", ge=0.2, le=5, own=ANYWHERE)
     ] = 1.0
     support_tree_angle_deg: Annotated[
         float,
@@ -215,7 +215,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "degrees",
             ge=5,
             le=75,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 45
     support_tree_slow_angle_deg: Annotated[
@@ -225,16 +225,16 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "degrees",
             ge=5,
             le=75,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 30
     support_branch_diameter: Annotated[
-        float, make_meta("diameter of branches just below their tips", "mm", ge=0.5, le=20, own=EACH_OBJECT)
+        float, make_meta("diameter of branches just below their tips", "mm", ge=0.5, le=20, own=ANYWHERE)
     ] = 2
     support_branch_growth_deg: Annotated[
         float,
         make_meta(
-            "angle at which branches become thicker towards the bed", "degrees", ge=0, le=15, own=EACH_OBJECT
+            "angle at which branches become thicker towards the bed", "degrees", ge=0, le=15, own=ANYWHERE
         ),
     ] = 5
     support_scar_price: Annotated[
@@ -244,13 +244,13 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "mm",
             ge=0,
             le=1000,
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = 20
     support_gram_price: Annotated[
         float,
         make_meta(
-            "print time worth spending to avoid one gram of support", "min/g", ge=0, le=100, own=EACH_OBJECT
+            "print time worth spending to avoid one gram of support", "min/g", ge=0, le=100, own=ANYWHERE
         ),
     ] = 1
     spiral: Annotated[

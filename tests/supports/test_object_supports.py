@@ -176,3 +176,25 @@ def test_a_time_budget_includes_supports() -> None:
 
     assert with_supports > 1.2 * without
     assert 0.8 * budget < seconds(budget, "columns") <= budget
+
+
+def test_a_height_range_has_its_own_supports() -> None:
+    post = joined(
+        [box((8.0, 8.0, 40.0)), *(box((30.0, 8.0, 3.0), (0.0, 0.0, z)) for z in (12.0, 37.0))], "post"
+    )
+    low = {"low": 0.0, "high": 20.0, "set": {"support": "off"}}
+    gap = {"low": 20.0, "high": 100.0, "set": {"support_gap": 0.3}}
+    usual = load_profile(quality="standard", changes={"support": "columns", "support_gap": 0.15})
+    tops = []
+    for overrides in ([], [gap], [low, gap]):
+        profile = profile_with(usual, {"quality.overrides": overrides})
+        stages = slice_stages(post, profile)
+        top = stages.program.xyz[is_support(stages.program), 2]
+        tops.append((float(top[top < 12.0].max(initial=0.0)), float(top.max())))
+        assert (stages.overhangs_without_supports is not None) == (low in overrides)
+
+    assert tops == [
+        pytest.approx((11.85, 36.85), abs=1e-6),
+        pytest.approx((11.85, 36.7), abs=1e-6),
+        pytest.approx((0.0, 36.7), abs=1e-6),
+    ]
