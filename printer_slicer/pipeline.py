@@ -65,6 +65,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strict_supports: bool = False,
     strategies: Strategies = BUILT_IN,
     volumes: Volumes | None = None,
 ) -> Stages:
@@ -77,6 +78,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
         placement: position of the part; default: the middle of the bed.
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
+        strict_supports: raise an error if a piece of the part begins in the air without a support.
         strategies: user functions that replace built-in ones.
         volumes: support enforcers and blockers and negative volumes, in the coordinates of `mesh`; they are added to
             those of the mesh.
@@ -87,18 +89,19 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
         StrategyError: a user's function returned an invalid value.
     """
     check_argument("mesh", mesh, Mesh)
-    return _slice(
-        [mesh.with_volumes(volumes)], profile, placement, report, strategies, plan=plan, strict=strict
-    )
+    meshes = [mesh.with_volumes(volumes)]
+    run = partial(_slice, strict=strict, strict_supports=strict_supports)
+    return run(meshes, profile, placement, report, strategies, plan=plan)
 
 
-def slice_for_output(
+def slice_for_output(  # noqa: PLR0913 - all options have defaults
     meshes: list[Mesh],
     profile: Profile,
     *,
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strict_supports: bool = False,
     strategies: Strategies = BUILT_IN,
 ) -> Stages:
     """Slice a part to write its G-code; memory of finished stages is released.
@@ -111,12 +114,14 @@ def slice_for_output(
         placement: position of the part.
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
+        strict_supports: raise an error if a piece of the part begins in the air without a support.
         strategies: user functions that replace built-in ones.
 
     Raises:
         PrinterSlicerError: as `slice_stages`.
     """
-    return _slice(meshes, profile, placement, report, strategies, strict=strict, keep=False)
+    run = partial(_slice, strict=strict, strict_supports=strict_supports)
+    return run(meshes, profile, placement, report, strategies, keep=False)
 
 
 def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
@@ -128,6 +133,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     *,
     plan: LayerPlan | Sequence[LayerPlan] | None = None,
     strict: bool = False,
+    strict_supports: bool = False,
     keep: bool = True,
 ) -> Stages:
     """Slice the only mesh of a list, which is removed from it; other arguments are those of `slice_planned`."""
@@ -147,6 +153,10 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
+    if strict_supports:
+        from printer_slicer.supports.bare_islands import require_supported_islands  # noqa: PLC0415 - only on request
+
+        require_supported_islands(part.name, stages.overhangs, stages.supports, shift)
     return replace(stages, repairs=repairs, shift=shift)
 
 

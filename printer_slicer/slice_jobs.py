@@ -81,19 +81,21 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
+    strict_supports: bool = False,
     strategies: Strategies = BUILT_IN,
     volumes: Volumes | None = None,
 ) -> Job:
     """Make a job from a part.
 
     Args:
-        part: a mesh to slice, or the result of `slice_stages`; then `placement`, `strict` and `volumes` have no
-            effect.
+        part: a mesh to slice, or the result of `slice_stages`; then `placement`, `strict`, `strict_supports` and
+            `volumes` have no effect.
         profile: the profile to slice with.
         name: name of the job; empty: that of the part.
         placement: position of the part.
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
+        strict_supports: raise an error if a piece of the part begins in the air without a support.
         strategies: user functions that replace built-in ones.
         volumes: support enforcers and blockers and negative volumes, in the coordinates of the mesh.
 
@@ -106,7 +108,13 @@ def job_of(  # noqa: PLR0913 - all options have defaults
         check_argument("mesh", part, Mesh)
         meshes = [part.with_volumes(volumes)]
         stages = slice_for_output(
-            meshes, profile, placement=placement, report=report, strict=strict, strategies=strategies
+            meshes,
+            profile,
+            placement=placement,
+            report=report,
+            strict=strict,
+            strict_supports=strict_supports,
+            strategies=strategies,
         )
     report("writing")
     text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)

@@ -45,6 +45,7 @@ class SliceOptions(TypedDict, total=False):
     placement: Placement
     report: Report
     strict: bool
+    strict_supports: bool
     strategies: Strategies
     volumes: Volumes | None
 

@@ -25,6 +25,7 @@ _FLAGS: Final[Mapping[str, str]] = {
     "scale": "--scale",
     "shell": "--shell",
     "strict": "--strict",
+    "strict_supports": "--strict-supports",
     "units": "--units",
 }
 """Argument, or argument with a value -> option."""

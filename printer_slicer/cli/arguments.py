@@ -23,6 +23,7 @@ __all__ = [
     "add_model_options",
     "add_output_options",
     "add_setting_options",
+    "add_strict_supports_option",
     "attach_values",
     "parse_address",
     "parse_angles",
@@ -290,6 +291,18 @@ def _add_slicing_options(group: argparse._ArgumentGroup) -> None:
         default=[],
         help="profile file, also of PrusaSlicer, Orca or Cura",
     )
+
+
+def add_strict_supports_option(group: argparse._ArgumentGroup) -> argparse._ArgumentGroup:
+    """Add the option that rejects parts with unsupported islands; return the group."""
+    mark_advanced(
+        group.add_argument(
+            "--strict-supports",
+            action="store_true",
+            help="fail if a piece of the part begins in the air and gets no support",
+        )
+    )
+    return group
 
 
 STRICT_HELP: Final = "fail if the mesh needs repair"

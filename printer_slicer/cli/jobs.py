@@ -86,7 +86,15 @@ def make_job(
     mesh, plate = load_plate(arguments, profile.printer, report)
     profile, plate = apply_projects(arguments, profile, mesh, plate)
     name = format_model_names(arguments.models)
-    job = job_of(mesh, profile, name=name, placement=plate.placement, report=report, strict=arguments.strict)
+    job = job_of(
+        mesh,
+        profile,
+        name=name,
+        placement=plate.placement,
+        report=report,
+        strict=arguments.strict,
+        strict_supports=arguments.strict_supports,
+    )
     return job, plate.collect_facts()
 
 

@@ -339,6 +339,7 @@ def apply_projects(
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
     profile = profile_with(profile, changes) if changes else profile
     warnings += _list_volume_warnings(mesh, profile)
+    warnings += _list_spiral_warnings(profile)
     warn(arguments, warnings)
     return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
@@ -392,6 +393,13 @@ def _collect_project_changes(
         own = settings_as_dict(profile)["quality"].get("overrides", [])
         changes["quality.overrides"] = [*tables, *own]
     return changes, unused
+
+
+def _list_spiral_warnings(profile: Profile) -> list[str]:
+    """Return a warning if supports are asked for in spiral mode, which cannot print them."""
+    if not profile.quality.spiral or list_support_styles(profile) == {"off"}:
+        return []
+    return ["no supports are printed in spiral mode; to print them, set spiral = false"]
 
 
 def _list_volume_warnings(mesh: Mesh, profile: Profile) -> list[str]:

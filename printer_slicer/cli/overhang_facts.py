@@ -7,12 +7,18 @@ from typing import Any, Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Areas, split_connected
+from printer_slicer.geometry import Areas, intersection, split_connected
 from printer_slicer.profile import Profile
+from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.stages import Stages
 from printer_slicer.texts import format_count, format_significant
 
-__all__ = ["collect_overhang_facts", "format_overhang_sentences", "list_blocked_island_warnings"]
+__all__ = [
+    "collect_overhang_facts",
+    "format_overhang_sentences",
+    "list_blocked_island_warnings",
+    "list_unused_enforcer_warnings",
+]
 
 _MOST_PLACES: Final = 3  # places of each kind that are listed
 
@@ -55,6 +61,25 @@ def list_blocked_island_warnings(stages: Stages) -> list[str]:
             f"nothing below: {place.reason}"
         )
     return warnings
+
+
+def list_unused_enforcer_warnings(stages: Stages, profile: Profile) -> list[str]:
+    """Return a warning if the part has support enforcers or painted facets, but nothing hangs within any of them."""
+    volumes, found = stages.part.all_volumes, stages.overhangs
+    if (
+        volumes is None
+        or not volumes.has_enforcers
+        or found is None
+        or list_support_styles(profile) == {"off"}
+    ):
+        return []
+    from printer_slicer.slicing import cut_volumes
+
+    enforced = cut_volumes(volumes, found.plan).enforce
+    if intersection(enforced, found.area).n_rings:
+        return []
+    what = "support enforcers" if volumes.enforce else "facets painted for supports"
+    return [f"nothing hangs within the {what}, so they have no effect; move them to an overhang"]
 
 
 def _list_largest(areas: Areas, z: Float, shift: Float) -> list[dict[str, float]]:

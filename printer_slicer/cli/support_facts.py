@@ -17,7 +17,8 @@ from printer_slicer.texts import format_count, format_duration, format_significa
 
 __all__ = ["collect_support_facts", "format_support_sentences"]
 
-_MOST_PLACES: Final = 3  # places without support that are listed
+_MOST_PLACES: Final = 3  # places without support that are told
+_MOST_LISTED: Final = 20  # the same in JSON
 _LEAST_COLUMN: Final = 0.1  # mm² in all layers; less is rounding
 _LANDING_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
 
@@ -78,7 +79,7 @@ def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:
 
 def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]]:
     """Return the largest places without support, islands first."""
-    places = sorted(bare, key=lambda place: (not place.is_island, -place.area))[:_MOST_PLACES]
+    places = sorted(bare, key=lambda place: (not place.is_island, -place.area))[:_MOST_LISTED]
     shift = stages.shift.tolist()
     return [
         {
@@ -86,6 +87,7 @@ def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]
             "y": round(place.y + shift[1], 3),
             "z": round(place.z + shift[2], 4),
             "area_mm2": round(place.area, 3),
+            "free_distance_mm": round(place.free_distance, 3),
             "island": place.is_island,
             "reason": place.reason,
         }
@@ -108,12 +110,12 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     lines = [
         f"Supports ({name}): {format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
     ]
-    islands = facts["bare_islands"]
-    for place in facts["bare"]:
+    for place in facts["bare"][:_MOST_PLACES]:
         what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"
         lines.append(
             f"Unsupported: {what} at x, y, z {place['x']:.1f}, {place['y']:.1f}, {place['z']:.1f}: {place['reason']}"
         )
-    if islands > _MOST_PLACES:
-        lines.append(f"Unsupported: {format_count(islands, 'island')} in all")
+    if len(facts["bare"]) > _MOST_PLACES:
+        islands = f", {format_count(facts['bare_islands'], 'island')}" if facts["bare_islands"] else ""
+        lines.append(f"Unsupported in all: {format_significant(facts['bare_mm2'])} mm²{islands}")
     return lines

@@ -24,7 +24,7 @@ _MODEL_DEFAULTS: Final[Mapping[str, object]] = {
     "support_blocker": [],
 }
 """Defaults of the options for models."""
-_SLICING_OPTIONS: Final = ("quality", "range", "set_for", "load", "strict")
+_SLICING_OPTIONS: Final = ("quality", "range", "set_for", "load", "strict", "strict_supports")
 """Options that only slicing uses, besides those that change one setting."""
 
 

@@ -77,7 +77,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
         make_meta(
             "where supports are made: all: under all overhangs; enforced: only in support enforcers and below "
             "facets that are painted for supports",
-            own=EACH_OBJECT,
+            own=ANYWHERE,
         ),
     ] = "all"
     support_threshold_deg: Annotated[

@@ -24,7 +24,6 @@ __all__ = [
     "PartBelow",
     "find_carried",
     "find_gapless_layers",
-    "find_layers_on_bed",
     "find_repeated_layers",
     "sample_beads",
 ]

@@ -14,6 +14,7 @@ from printer_slicer.cli.arguments import (
     add_model_options,
     add_output_options,
     add_setting_options,
+    add_strict_supports_option,
     parse_positive_integer,
 )
 from printer_slicer.cli.output import describe_picture, print_text, show_stages, write_file
@@ -35,7 +36,7 @@ EXAMPLES: Final = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `dry-run`."""
-    add_allow_option(add_setting_options(parser, strict_help=STRICT_HELP))
+    add_allow_option(add_strict_supports_option(add_setting_options(parser, strict_help=STRICT_HELP)))
     add_model_options(parser, gcode=True)
     group = add_simulator_options(parser)
     group.add_argument(

@@ -14,6 +14,7 @@ from printer_slicer.cli.arguments import (
     add_model_options,
     add_output_options,
     add_setting_options,
+    add_strict_supports_option,
     parse_positive_integer,
 )
 from printer_slicer.cli.connection_options import (
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="baud rate; default: the baud rate in the printer profile",
     )
-    add_allow_option(add_setting_options(parser, strict_help=STRICT_HELP))
+    add_allow_option(add_strict_supports_option(add_setting_options(parser, strict_help=STRICT_HELP)))
     add_model_options(parser, gcode=True)
     add_output_options(parser)
     add_connection_options(parser)

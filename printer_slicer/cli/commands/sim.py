@@ -16,6 +16,7 @@ from printer_slicer.cli.arguments import (
     add_model_options,
     add_output_options,
     add_setting_options,
+    add_strict_supports_option,
     parse_address,
     parse_factor,
     parse_positive_integer,
@@ -83,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         )
     )
     add_simulator_options(parser)
-    add_setting_options(parser, strict_help=STRICT_HELP)
+    add_strict_supports_option(add_setting_options(parser, strict_help=STRICT_HELP))
     add_model_options(
         parser,
         gcode=True,

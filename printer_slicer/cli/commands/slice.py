@@ -15,6 +15,7 @@ from printer_slicer.cli.arguments import (
     add_model_options,
     add_output_options,
     add_setting_options,
+    add_strict_supports_option,
     parse_integer,
 )
 from printer_slicer.cli.help import mark_advanced
@@ -55,6 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group = add_setting_options(
         parser, strict_help="fail if the mesh needs repair, or if extrusion is unsupported and not allowed"
     )
+    add_strict_supports_option(group)
     mark_advanced(
         group.add_argument(
             "--allow",
@@ -160,7 +162,12 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         meshes = [mesh]
         del mesh  # not needed after placing, and may be large
         stage = slice_for_output(
-            meshes, profile, placement=plate.placement, report=report, strict=arguments.strict
+            meshes,
+            profile,
+            placement=plate.placement,
+            report=report,
+            strict=arguments.strict,
+            strict_supports=arguments.strict_supports,
         )
         program = stage.program
         unsupported = _find_unsupported(arguments, stage.part.name, program, profile)
@@ -266,11 +273,15 @@ def _list_late_warnings(
     stage: Stages, profile: Profile, unsupported: Sequence[UnsupportedExtrusion]
 ) -> list[str]:
     """Return the warnings that only slicing shows."""
-    from printer_slicer.cli.overhang_facts import list_blocked_island_warnings
+    from printer_slicer.cli.overhang_facts import (
+        list_blocked_island_warnings,
+        list_unused_enforcer_warnings,
+    )
 
     return [
         *_list_unsupported_warnings(unsupported),
         *list_blocked_island_warnings(stage),
+        *list_unused_enforcer_warnings(stage, profile),
         *_list_unused_range_warnings(profile, stage.sections.plan),
     ]
 
