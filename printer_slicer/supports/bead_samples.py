@@ -176,7 +176,7 @@ def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:
     """
     carried = np.zeros(samples.count, np.bool_)
     covered, start = BeadMap(samples), samples.layer_start.tolist()
-    on_bed, gapless = find_layers_on_bed(paths.plan), find_gapless_layers(paths.plan)
+    on_bed, gapless = _find_layers_on_bed(paths.plan), find_gapless_layers(paths.plan)
     for layer, (first, last) in enumerate(pairwise(start)):
         some = slice(first, last)
         if last == first:
@@ -186,7 +186,7 @@ def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:
     return carried
 
 
-def find_layers_on_bed(layers: LayerPlan) -> Bool:
+def _find_layers_on_bed(layers: LayerPlan) -> Bool:
     """Return a mask (S,) of support layers that lie on the bed."""
     return np.asarray(layers.bottom <= _ROUNDING)
 

@@ -201,4 +201,4 @@ def test_painted_facets_without_supports_are_reported(folder: Path) -> None:
 
     assert "facets painted for supports, but supports are off" in " ".join(typed(*words).err.split())
     for name in ("support", "quality.support"):
-        assert "painted" not in typed(*words, "--set-for", f"lid:{name}=columns").err
+        assert "supports are off" not in typed(*words, "--set-for", f"lid:{name}=columns").err

@@ -161,14 +161,8 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
         _reject_model_suffix(output)
         meshes = [mesh]
         del mesh  # not needed after placing, and may be large
-        stage = slice_for_output(
-            meshes,
-            profile,
-            placement=plate.placement,
-            report=report,
-            strict=arguments.strict,
-            strict_supports=arguments.strict_supports,
-        )
+        strict = {name: getattr(arguments, name) for name in ("strict", "strict_supports")}
+        stage = slice_for_output(meshes, profile, placement=plate.placement, report=report, **strict)
         program = stage.program
         unsupported = _find_unsupported(arguments, stage.part.name, program, profile)
         report("writing")
