@@ -170,6 +170,18 @@ class HeightMap:
                 missing = missing[~found]
         return result
 
+    def tops_around(self, cell: Int) -> tuple[Float, Bool]:
+        """Return the highest top of the print (P,) in 3 by 3 cells, mm, and whether it is removed after the print."""
+        around = np.array([row * self._wide + column for row in (-1, 0, 1) for column in (-1, 0, 1)])
+        beside = np.clip(cell[:, None] + around, 0, self._outside)
+        tops = self._top[beside]
+        highest = np.argmax(tops, axis=1)
+        rows = np.arange(len(cell))
+        top = tops[rows, highest].astype(np.float64)
+        if self._removable is None:
+            return top, np.zeros(len(cell), np.bool_)
+        return top, self._removable[beside[rows, highest]]
+
     def add_extrusions(
         self, pieces: MovePieces, perpendicular: Float, width: Float, *, removable: bool
     ) -> None:

@@ -2,6 +2,9 @@
 
 Extrusion is unsupported if it is more than 5 mm from every supported extrusion and from every bridge of its height. A
 bridge runs straight over a gap and is supported at both ends. Adjacent extrusions may overhang by up to 5 mm.
+
+Supports are held to less: they lie on other supports without a gap, so that a missing layer is noticed, and they may
+overhang by 2.8 mm along their path.
 """
 
 from __future__ import annotations
@@ -47,6 +50,13 @@ _MAX_SAG: Final = 1.15  # strand diameters; the print supports extrusion at most
 _MOVES_AT_ONCE: Final = 1 << 15  # moves of a program that are checked together
 _SUPPORT_GAP: Final = 0.32  # mm, gap that slicers leave between supports and the part
 _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as supported
+_MAX_SUPPORT_OVERHANG: Final = 2.8  # mm along the path, the same for supports
+_SEAM: Final = 0.5  # mm between the ends of a loop
+_LANDING_GAP: Final = 0.45  # mm more that a support may be above the part on which it stands
+_MAX_CLEARANCE: Final = 1.28  # times the usual height of the supports of one height above those below
+_SAME_HEIGHT: Final = 0.02  # mm
+_ROUNDING: Final = 1e-4  # mm
+_USUAL: Final = 0.1  # share of the supports of one height that are lower than usual
 _Box = tuple[tuple[float, float], tuple[float, float]]
 _MIN_STRAIGHTNESS: Final = 0.95  # minimum ratio of a bridge's chord to its length
 
@@ -66,6 +76,16 @@ def find_unsupported_pieces(
     none = np.zeros(0, np.int64)
     if len(marks.layers) and not marks.layer_at(moves.command).any():
         return none  # priming may extrude into the air
+    of_part = _find_in_part(height_map, moves, pieces, cell, marks)
+    of_supports = _find_in_supports(height_map, moves, pieces, cell, marks)
+    return np.union1d(of_part, of_supports) if len(of_supports) else of_part
+
+
+def _find_in_part(
+    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
+) -> Int:
+    """Return the indices of the unsupported pieces that stay on the part, see `find_unsupported_pieces`."""
+    none = np.zeros(0, np.int64)
     kernel = load_kernel()
     if kernel:
         level = kernel_level(moves, _find_removable(moves, marks), pieces, cell)
@@ -80,9 +100,64 @@ def find_unsupported_pieces(
     is_held = is_supported | _find_bridges(moves, pieces, is_supported)
     if is_held.all():
         return none
-    # Whether the supports themselves are supported is the slicer's responsibility.
     removable = _find_removable(moves, marks).take(pieces.move)
     return np.flatnonzero(~height_map.find_pieces_near_seeds(cell, is_held, _MAX_OVERHANG) & ~removable)
+
+
+def _find_in_supports(
+    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
+) -> Int:
+    """Return the indices of the unsupported pieces of supports, see `find_unsupported_pieces`."""
+    none = np.zeros(0, np.int64)
+    removable = _find_removable(moves, marks)
+    if not removable.any():
+        return none
+    some = np.flatnonzero(removable.take(pieces.move))
+    own, own_cell = pieces.take(some), cell[some]
+    top, is_on_support = height_map.tops_around(own_cell)
+    clearance = own.z - top
+    most = moves.strand_diameter.take(own.move) * _MAX_SAG
+    beside = clearance[is_on_support & (clearance > _SAME_HEIGHT)]
+    if len(beside):
+        most = np.minimum(most, _MAX_CLEARANCE * float(np.quantile(beside, _USUAL)))
+    most = np.where(is_on_support | (top <= 0), most, most + _LANDING_GAP)
+    is_supported = clearance <= most + _ROUNDING
+    if is_supported.all():
+        return none
+    is_held = is_supported | _find_bridges(moves, own, is_supported)
+    return some[_measure_to_held(moves, own, is_held) > _MAX_SUPPORT_OVERHANG]
+
+
+def _measure_to_held(moves: LevelMoves, pieces: MovePieces, is_held: Bool) -> Float:
+    """Return the distance (P,) along the path from each piece to the nearest one that is held, mm; inf without one."""
+    path = _number_paths(moves, pieces)
+    n = int(path[-1]) + 1
+    first, last = np.searchsorted(path, np.arange(n)), np.searchsorted(path, np.arange(n), side="right") - 1
+    place = np.cumsum(pieces.length)
+    start, end = moves.start[pieces.move[first], :2], moves.end[pieces.move[last], :2]
+    whole = place[last] - place[first] + pieces.length[first]
+    closed = np.hypot(*(end - start).T) <= _SEAM
+    held = np.flatnonzero(is_held)
+    at, own = place[held], path[held]
+    low, high = np.searchsorted(own, np.arange(n)), np.searchsorted(own, np.arange(n), side="right") - 1
+    around = np.where(closed & (low <= high), whole, np.inf)
+    if not len(held):
+        return np.full(len(path), np.inf)
+    index = np.searchsorted(at, place)
+    after, before = np.minimum(index, len(at) - 1), np.maximum(index - 1, 0)
+    # Beyond the first and the last held piece of a loop lies the last or the first one.
+    head, tail = at[np.minimum(low, len(at) - 1)], at[np.maximum(high, 0)]
+    next_one = np.where((index < len(at)) & (own[after] == path), at[after], (head + around)[path])
+    previous = np.where((index > 0) & (own[before] == path), at[before], (tail - around)[path])
+    return np.asarray(np.where(is_held, 0.0, np.minimum(next_one - place, place - previous)))
+
+
+def _number_paths(moves: LevelMoves, pieces: MovePieces) -> Int:
+    """Return the number (P,) of the path of each piece, from 0; a path goes on where the nozzle does not jump."""
+    broken = (np.diff(pieces.move) > 0) & (
+        np.hypot(*(moves.start[pieces.move[1:]] - moves.end[pieces.move[:-1]])[:, :2].T) > NEGLIGIBLE
+    )
+    return np.append(0, np.cumsum(broken))
 
 
 def add_to_height_map(
@@ -116,10 +191,7 @@ def _find_removable(moves: LevelMoves, marks: Marks) -> Bool:
 
 def _find_bridges(moves: LevelMoves, pieces: MovePieces, is_supported: Bool) -> Bool:
     """Return a mask (P,) of pieces in bridges: straight lines over a gap, supported at both ends."""
-    broken = (np.diff(pieces.move) > 0) & (
-        np.hypot(*(moves.start[pieces.move[1:]] - moves.end[pieces.move[:-1]])[:, :2].T) > NEGLIGIBLE
-    )
-    path = np.append(0, np.cumsum(broken))
+    path = _number_paths(moves, pieces)
     unsupported = ~is_supported
     begins = unsupported & (np.append(True, is_supported[:-1]) | np.append(True, np.diff(path) > 0))
     first = np.flatnonzero(begins)
