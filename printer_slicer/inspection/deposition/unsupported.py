@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive, median
 from printer_slicer.inspection.deposition.height_map import (
     NEGLIGIBLE,
     HeightMap,
@@ -53,10 +53,9 @@ _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as
 _MAX_SUPPORT_OVERHANG: Final = 2.8  # mm along the path, the same for supports
 _SEAM: Final = 0.5  # mm between the ends of a loop
 _LANDING_GAP: Final = 0.45  # mm more that a support may be above the part on which it stands
-_MAX_CLEARANCE: Final = 1.28  # times the usual height of the supports of one height above those below
+_MAX_CLEARANCE: Final = 1.28  # times the height at which a support would be as wide as others are
 _SAME_HEIGHT: Final = 0.02  # mm
 _ROUNDING: Final = 1e-4  # mm
-_USUAL: Final = 0.1  # share of the supports of one height that are lower than usual
 _Box = tuple[tuple[float, float], tuple[float, float]]
 _MIN_STRAIGHTNESS: Final = 0.95  # minimum ratio of a bridge's chord to its length
 
@@ -116,10 +115,13 @@ def _find_in_supports(
     own, own_cell = pieces.take(some), cell[some]
     top, is_on_support = height_map.tops_around(own_cell)
     clearance = own.z - top
-    most = moves.strand_diameter.take(own.move) * _MAX_SAG
-    beside = clearance[is_on_support & (clearance > _SAME_HEIGHT)]
-    if len(beside):
-        most = np.minimum(most, _MAX_CLEARANCE * float(np.quantile(beside, _USUAL)))
+    strand = moves.strand_diameter.take(own.move)
+    section, most = strand**2 * (pi / 4), strand * _MAX_SAG
+    beside = is_on_support & (clearance > _SAME_HEIGHT)
+    if beside.any():
+        # Over a missing layer, an extrusion would be narrower than the others.
+        width = median(section[beside] / clearance[beside])
+        most = np.minimum(most, _MAX_CLEARANCE * section / width)
     most = np.where(is_on_support | (top <= 0), most, most + _LANDING_GAP)
     is_supported = clearance <= most + _ROUNDING
     if is_supported.all():
