@@ -13,6 +13,7 @@ from printer_slicer.model import Bare, Program, Sections, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
+from printer_slicer.supports.firmness import find_grips, find_slim_pieces
 from printer_slicer.texts import format_count, format_duration, format_significant
 
 __all__ = ["collect_support_facts", "format_support_sentences"]
@@ -50,6 +51,8 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
         "bare_mm2": round(sum(place.area for place in supports.bare), 3),
         "bare_islands": sum(place.is_island for place in supports.bare),
         "bare": _list_largest(supports.bare, stages),
+        "grips": _list_grips(supports, stages),
+        "slim": _list_slim_pieces(supports, stages),
     }
 
 
@@ -95,6 +98,35 @@ def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]
     ]
 
 
+def _list_grips(supports: Supports, stages: Stages) -> list[dict[str, float]]:
+    """Return the closed rings of supports around the part."""
+    shift = stages.shift.tolist()
+    return [
+        {
+            "x": round(grip.x + shift[0], 3),
+            "y": round(grip.y + shift[1], 3),
+            "z_min": round(grip.low + shift[2], 4),
+            "z_max": round(grip.high + shift[2], 4),
+        }
+        for grip in find_grips(supports, stages.sections)[:_MOST_LISTED]
+    ]
+
+
+def _list_slim_pieces(supports: Supports, stages: Stages) -> list[dict[str, float]]:
+    """Return the pieces of supports that are slim for their height, the slimmest first."""
+    slim = sorted(find_slim_pieces(supports), key=lambda piece: -piece.slimness)[:_MOST_LISTED]
+    shift = stages.shift.tolist()
+    return [
+        {
+            "x": round(piece.x + shift[0], 3),
+            "y": round(piece.y + shift[1], 3),
+            "height_mm": round(piece.height, 4),
+            "foot_mm2": round(piece.foot, 3),
+        }
+        for piece in slim
+    ]
+
+
 def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     """Format the plastic and the time of supports, and the places that get none, as sentences.
 
@@ -118,4 +150,15 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     if len(facts["bare"]) > _MOST_PLACES:
         islands = f", {format_count(facts['bare_islands'], 'island')}" if facts["bare_islands"] else ""
         lines.append(f"Unsupported in all: {format_significant(facts['bare_mm2'])} mm²{islands}")
+    if facts["grips"]:
+        first, count = facts["grips"][0], format_count(len(facts["grips"]), "ring")
+        where = f"at z {first['z_min']:.1f} to {first['z_max']:.1f}, x, y {first['x']:.1f}, {first['y']:.1f}"
+        lines.append(f"Hard to take off: {count} of supports around the part, the lowest {where}")
+    if facts["slim"]:
+        first, count = facts["slim"][0], format_count(len(facts["slim"]), "support")
+        size = f"{first['height_mm']:.1f} mm high on {format_significant(first['foot_mm2'])} mm²"
+        lines.append(
+            f"May fall over: {count}, the slimmest {size} at x, y {first['x']:.1f}, {first['y']:.1f}; "
+            "increase support_foot"
+        )
     return lines
