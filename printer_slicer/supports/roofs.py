@@ -34,6 +34,7 @@ __all__ = [
 _NARROWEST_ROOF = 2.0  # mm
 _DIRECTIONS = np.deg2rad(np.arange(0, 180, 5))
 _THINNEST = 0.4  # extrusion widths; narrower rests of roofs are left out
+_LEAST_CARRIED = 0.15  # of a piece of roof
 _LAPPING = 0.1  # mm by which the roof reaches beyond the middle between two joists
 
 
@@ -210,7 +211,21 @@ def build_roofs(contacts: Areas, joists: Joists, blocked: Areas, settings: TreeS
     half = np.full(len(layer), settings.width / 2)
     joist = stroke_lines(ends.reshape(-1, 2), 2 * np.arange(len(layer) + 1), layer - n_closed, half, n)
     joist = difference(difference(joist, blocked), roof)
-    return Roofs(carried, roof, joist, joists, n_closed)
+    roof = _drop_hanging_roofs(roof, joist, n_closed)
+    return Roofs(intersection(carried, roof) if n_closed else carried, roof, joist, joists, n_closed)
+
+
+def _drop_hanging_roofs(roof: Areas, joist: Areas, n_closed: int) -> Areas:
+    """Return the roofs without pieces that have next to nothing below, because the part is where their joists were."""
+    for _ in range(n_closed):
+        pieces = split_connected(roof)
+        below = roof.merge(joist).shift_layers(1)
+        carried = intersection(pieces.areas, pieces.select_nearby_rings(below)).area()
+        stands = (carried >= _LEAST_CARRIED * pieces.areas.area()) | (pieces.layer == 0)
+        if stands.all():
+            break
+        roof = pieces.on_layers(roof.n_layers, np.flatnonzero(stands))
+    return roof
 
 
 def _stack_roofs(contacts: Areas, blocked: Areas, n_closed: int) -> Areas:

@@ -24,7 +24,7 @@ _TIP_LENGTH = 2.0  # mm over which a tip grows to a branch
 _MOST_CHOICES = 24  # places that are compared for each tip, the cheapest ones
 _SAMPLES = (np.arange(12) + 1) / 12  # from the tip down
 _BEND_PRICE = 10.0  # mm of branch for each mm by which the part is too near, mean of the samples
-_NEAREST_RATIO = 0.9  # of the gap beside the part; nearer to it, too little of the branch would remain
+_NEAREST_RATIO = 1.1  # of the gap beside the part; nearer to it, too little of the branch would remain
 
 
 class Starts(Struct, frozen=True, eq=False):

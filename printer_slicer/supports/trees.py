@@ -137,7 +137,9 @@ def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -
     """Return the roofs that branches can carry, their tips, and the first pieces of the branches."""
     fields, sections, settings = room
     wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
-    joists = lay_joists(wide, settings)
+    # Joists lie some layers lower, where the part may be in the way.
+    room_below = difference(wide, blocked.shift_layers(settings.interface_layers))
+    joists = lay_joists(offset_open(room_below, settings.width), settings)
     tips = list_joist_tips(joists, plan.layers.top, settings.interface_layers)
     starts = choose_starts(tips.place, fields, sections, settings)
     carried = np.ones(len(joists.of_tip), np.bool_)

@@ -281,3 +281,9 @@ def test_roofs_have_as_many_closed_layers_as_the_settings_say(n: int) -> None:
     assert roof.tolist() == list(range(top - n + 1, top + 1))
     assert supports.joists.used.nonzero()[0].tolist() == [top - n]
     assert not supports.bare
+
+
+@pytest.mark.parametrize("seed", [33, 38, 46, 80])
+def test_roofs_and_branches_beside_narrow_passages_do_not_begin_in_the_air(seed: int) -> None:
+    """The part is in the way of joists there, and cuts branches off."""
+    assert len(find_pieces_in_the_air(*grown_on_noise(seed))) == 0
