@@ -64,7 +64,7 @@ cover:
 
 # whole processes, side by side with PrusaSlicer if it is installed
 bench *ARGS:
-    python benchmarks/compare.py {{ARGS}}
+    python -m benchmarks.compare {{ARGS}}
 
 # wheel and sdist in fresh environments of every Python that is found, with and without a C++ compiler
 install *ARGS:

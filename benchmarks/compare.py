@@ -1,6 +1,6 @@
 """Compare our `slice` with PrusaSlicer and CuraEngine in whole processes: same part, same settings.
 
-    python benchmarks/compare.py [--rounds N] [--models DIR] [--quality NAME] [--printer NAME] [--set KEY=VALUE]
+    python -m benchmarks.compare [--rounds N] [--models DIR] [--quality NAME] [--printer NAME] [--set KEY=VALUE]
                                  [--json FILE] [part ...]
 
 Parts are those of the models folder, the sample parts, and parts that other benchmarks make.
@@ -24,8 +24,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from statistics import median
 
-from cura_settings import find_definitions
-from processes import SAMPLES, WORK, Cost, RunError, machine_note, ours, run, spread
+from benchmarks.cura_settings import find_definitions
+from benchmarks.processes import SAMPLES, WORK, Cost, RunError, machine_note, ours, run, spread
 
 PEER = "prusa-slicer"
 MODELS = ("benchy", "crazyradio", "ringing_tower")
@@ -36,10 +36,13 @@ MADE_BY: Mapping[str, tuple[str, ...]] = {
         ("angle_bracket", "electronics_box", "belt_pulley", "knurled_knob", "threaded_adapter"),
         ("-m", "benchmarks.functional_parts"),
     ),
-    "plate": ("benchmarks/plate.py",),
-    "torus_5m": ("benchmarks/big_mesh.py", "--facets", "5000000", "--output", str(WORK / "torus_5m.stl")),
+    "plate": ("-m", "benchmarks.plate"),
+    "torus_5m": ("-m", "benchmarks.big_mesh", "--facets", "5000000", "--output", str(WORK / "torus_5m.stl")),
 }
 """Arguments for Python, by name of the part that it makes."""
+
+SETTINGS: Mapping[str, tuple[str, ...]] = {"plate": ("printer.bed_x=400", "printer.bed_y=400")}
+"""Settings that a part needs."""
 
 _EQUAL = ("--resolution", "0.0125")
 VARIANTS: Mapping[str, tuple[str, ...]] = {
@@ -247,7 +250,8 @@ def _measure(model: Path, peers: Sequence[str], rounds: int, settings: Sequence[
     """Warm up every program, then run them in turn."""
     result = Result(model.stem)
     outputs = {name: WORK / f"{model.stem}_{name.replace(' ', '_')}.gcode" for name in ("ours", *peers)}
-    commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), *settings)}
+    needed = [word for change in SETTINGS.get(model.stem, ()) for word in ("--set", change)]
+    commands = {"ours": ours("slice", str(model), "-o", str(outputs["ours"]), *settings, *needed)}
     if not _warm_up(result, "ours", commands, outputs):
         return result
     used = _read_settings(outputs["ours"])

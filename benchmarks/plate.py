@@ -1,6 +1,6 @@
 """Write a wide plate with many islands for measurements: 35 twisted gears on a base of 304 x 214 mm, as binary STL.
 
-    python benchmarks/plate.py [--output FILE]
+    python -m benchmarks.plate [--output FILE]
 
 The plate is 25.8 mm high: 129 layers of 0.2 mm with about 700 simplified contour points each. Every gear overlaps the
 base, as in parts that are drawn as several bodies.
@@ -12,7 +12,8 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from processes import WORK
+
+from benchmarks.processes import WORK
 
 ACROSS, DEEP, PITCH = 7, 5, 42.0  # number of gears, and their distance, mm
 BASE, INSIDE, TOP = 3.0, 2.0, 25.8  # mm: top of the base, bottom and top of the gears
