@@ -18,11 +18,16 @@ from processes import SAMPLES, Cost, machine_note, ours, run, spread
 
 _BARE = "python -c pass"
 _HEAVY = "trimesh", "scipy", "networkx", "numba"
-"""Modules that slicing an STL file must not load: each costs more than slicing a small part."""
+"""Modules that slicing an STL file must not load: each costs more than slicing a small part.
+
+Without the compiled kernel, it needs shapely.
+"""
 
 _LOADED = (
     "import sys; from printer_slicer.cli import main; main(['slice', sys.argv[1], '-o', sys.argv[2], '-q']);"
-    f" sys.exit(', '.join(name for name in {_HEAVY!r} if name in sys.modules) or 0)"
+    " from printer_slicer.kernel import load_kernel; kernel = load_kernel();"
+    f" heavy = {_HEAVY!r} + (('shapely',) if kernel else ());"
+    " sys.exit(', '.join(name for name in heavy if name in sys.modules) or 0)"
 )
 
 
