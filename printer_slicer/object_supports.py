@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from printer_slicer.progress import Report
 from printer_slicer.slicing import cut_volumes
 from printer_slicer.supports import find_overhangs
 from printer_slicer.values import Struct
+
+if TYPE_CHECKING:
+    from printer_slicer.modifiers import Modifier
 
 __all__ = ["ObjectOverhangs", "find_object_overhangs", "has_supports", "make_object_supports"]
 
@@ -46,11 +50,12 @@ def has_supports(profile: Profile) -> bool:
     return profile.quality.support != "off" and not profile.quality.spiral
 
 
-def find_object_overhangs(
+def find_object_overhangs(  # noqa: PLR0913 - the results of all stages
     meshes: Sequence[Mesh],
     sections: Sequence[Sections],
     regions: Sequence[Regions],
     profiles: Sequence[Profile],
+    modifiers: Sequence[Sequence[Modifier]],
     *,
     always_steer: bool = False,
     only_supported: bool = False,
@@ -62,6 +67,7 @@ def find_object_overhangs(
         sections: of each object.
         regions: of each object.
         profiles: of each object.
+        modifiers: of each object; what hangs within those with other settings of supports has these settings.
         always_steer: whether volumes also count without supports.
         only_supported: whether objects without supports are left out.
     """
@@ -69,18 +75,42 @@ def find_object_overhangs(
     for index, (mesh, solid, area, profile) in enumerate(
         zip(meshes, sections, regions, profiles, strict=True)
     ):
-        for own, here in _divide_by_settings(profile, solid):
-            if only_supported and not has_supports(own):
-                continue
-            overhangs = find_overhangs(solid, area, own)
-            is_steered = mesh.volumes is not None or own.quality.support_places == "enforced"
-            if is_steered and (always_steer or own.quality.support != "off"):
-                from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
+        usual = _list_support_settings(profile)
+        inside = [one for one in modifiers[index] if _list_support_settings(one.profile) != usual]
+        places: list[tuple[Profile, Modifier | None]] = [
+            (profile, None),
+            *((one.profile, one) for one in inside),
+        ]
+        for place_profile, place in places:
+            for own, here in _divide_by_settings(place_profile, solid):
+                if only_supported and not has_supports(own):
+                    continue
+                overhangs = find_overhangs(solid, area, own)
+                is_steered = mesh.volumes is not None or own.quality.support_places == "enforced"
+                if is_steered and (always_steer or own.quality.support != "off"):
+                    from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
 
-                volumes = cut_volumes(mesh.volumes or Volumes(), solid.plan)
-                overhangs = steer(overhangs, solid, volumes, own.quality)
-            found.append(ObjectOverhangs(index, overhangs if here.all() else overhangs.of_layers(here), own))
+                    volumes = cut_volumes(mesh.volumes or Volumes(), solid.plan)
+                    overhangs = steer(overhangs, solid, volumes, own.quality)
+                if inside:
+                    overhangs = _select_place(overhangs, place, inside, own)
+                found.append(
+                    ObjectOverhangs(index, overhangs if here.all() else overhangs.of_layers(here), own)
+                )
     return found
+
+
+def _select_place(
+    overhangs: Overhangs, place: Modifier | None, inside: Sequence[Modifier], profile: Profile
+) -> Overhangs:
+    """Return what hangs within a modifier, or outside all modifiers if `place` is None."""
+    from printer_slicer.supports.steering import select_overhangs  # noqa: PLC0415 - few parts have modifiers
+
+    if place is not None:
+        return select_overhangs(overhangs, place.area, profile.quality, inside=True)
+    for one in inside:
+        overhangs = select_overhangs(overhangs, one.area, profile.quality, inside=False)
+    return overhangs
 
 
 def _divide_by_settings(profile: Profile, sections: Sections) -> list[tuple[Profile, np.ndarray]]:

@@ -57,7 +57,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
         )
     object_names = _list_object_names(part)
     overridden = list_overridden_objects(profile)
-    _check_names(overridden, object_names)
+    _check_names(overridden, object_names, part)
     _require_known_facets(part)
     own = [
         make_profile_for_object(profile, tuple(name for name in overridden if name in names))
@@ -74,7 +74,7 @@ def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile
     if not overridden and (not any(is_alone) or not all(item.count for item in part.objects)):
         return [(replace(part, volumes=part.all_volumes) if has_volumes else part, profile)]
     object_names = _list_object_names(part)
-    _check_names(overridden, object_names)
+    _check_names(overridden, object_names, part)
     if len(object_names) == 1:
         one = replace(part, volumes=part.all_volumes) if has_volumes else part
         return [(one, make_profile_for_object(profile, object_names[0]))]
@@ -93,7 +93,8 @@ def _needs_own_group(item: PlateObject, profile: Profile) -> bool:
     """Return whether an object has volumes of its own that change the print."""
     if item.volumes is None:
         return False
-    return item.volumes.negative is not None or list_support_styles(profile) != {"off"}
+    is_modified = any(mesh.name in list_overridden_objects(profile) for mesh in item.volumes.modifiers)
+    return is_modified or item.volumes.negative is not None or list_support_styles(profile) != {"off"}
 
 
 def _require_known_facets(part: Mesh) -> None:
@@ -125,9 +126,11 @@ def _number_equal_names(names: Sequence[str]) -> list[set[str]]:
     return object_names
 
 
-def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]]) -> None:
-    """Check that each overridden name is the name of an object."""
-    known = sorted(set().union(*object_names))
+def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]], part: Mesh) -> None:
+    """Check that each overridden name is the name of an object or of a modifier."""
+    volumes = part.all_volumes
+    modifiers = {mesh.name for mesh in volumes.modifiers} if volumes else set()
+    known = sorted(modifiers.union(*object_names))
     for name in overridden:
         if name not in known:
             near = find_similar_words(name, known, most=1)
@@ -171,12 +174,13 @@ def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:
     return result
 
 
-def make_object_paths(
+def make_object_paths(  # noqa: PLR0917 - the results of all stages
     name: str,
     stages: tuple[Sequence[Sections], Sequence[Walls], Sequence[Regions]],
     profiles: Sequence[Profile],
     usual: Profile,
     custom_infill: Infill | None = None,
+    modified: Sequence[Sequence[tuple[Regions, Profile]]] = (),
 ) -> tuple[list[Toolpaths], list[Profile]]:
     """Generate the perimeters and infill of all objects.
 
@@ -186,6 +190,7 @@ def make_object_paths(
         profiles: of each object.
         usual: the profile for everything that belongs to no object; it gets index 0.
         custom_infill: the user's infill pattern, if any.
+        modified: the regions inside the modifiers of each object, and their profiles.
 
     Returns:
         The paths of each object, and the profiles to which their `settings_id` refers.
@@ -194,13 +199,16 @@ def make_object_paths(
         PartError: the part has no path.
     """
     paths, numbered = list[Toolpaths](), [usual]
-    for sections, walls, regions, profile in zip(*stages, profiles, strict=True):
+    for number, (sections, walls, regions, profile) in enumerate(zip(*stages, profiles, strict=True)):
         perimeters, groups = combine_perimeters(
             grade_overhangs(walls.paths, sections), sections, regions, profile
         )
         of_layer = _find_profile_indices(numbered, resolve_layer_settings(profile, sections.plan))
         infill = infill_paths(regions, profile, groups, custom_infill)
         paths += [perimeters.with_settings(of_layer), infill.with_settings(of_layer)]
+        for inside, own in modified[number] if modified else ():
+            of_layer = _find_profile_indices(numbered, resolve_layer_settings(own, sections.plan))
+            paths.append(infill_paths(inside, own, groups, custom_infill).with_settings(of_layer))
     if sum(some.n_paths for some in paths) == 0:
         raise PartError(
             f"{name}: no extrusion of {usual.extrusion_width:g} mm width fits into the part",

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from types import NoneType
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -52,6 +52,9 @@ from printer_slicer.strategies import BUILT_IN, Strategies, run_program_function
 from printer_slicer.time_budget import choose_plan
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
+
+if TYPE_CHECKING:
+    from printer_slicer.modifiers import Modifier
 
 __all__ = ["overhangs", "plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
 
@@ -257,12 +260,15 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     meshes, sections, own = _cut(part, plan, profile, report)
     walls, regions = _divide(sections, own, report)
-    found = find_object_overhangs(meshes, sections, regions, own, only_supported=trial)
+    modifiers = _cut_modifiers(meshes, sections, profile, own)
+    found = find_object_overhangs(meshes, sections, regions, own, modifiers, only_supported=trial)
     supports, support_paths = make_object_supports(found, sections, regions, report)
+    regions, modified = _divide_by_modifiers(regions, sections, walls, modifiers)
     report("toolpaths")
     paths, profiles = make_object_paths(
-        part.name, (sections, walls, regions), own, profile, strategies.custom_infill
+        part.name, (sections, walls, regions), own, profile, strategies.custom_infill, modified
     )
+    regions = [*regions, *(inside for several in modified for inside, _ in several)]
     if not keep:
         walls = [one.without_paths() for one in walls]
         regions = [one.of_layers(np.zeros(one.plan.n_layers, np.bool_)) for one in regions]
@@ -295,6 +301,37 @@ def _divide(
     return walls, list(map(classify, sections, walls, own))
 
 
+def _cut_modifiers(
+    meshes: Sequence[Mesh], sections: Sequence[Sections], profile: Profile, own: Sequence[Profile]
+) -> list[list[Modifier]]:
+    """Return the modifiers of each object."""
+    if not any(mesh.volumes and mesh.volumes.modifiers for mesh in meshes):
+        return [[] for _ in meshes]
+    from printer_slicer.modifiers import cut_modifiers  # noqa: PLC0415 - few parts have modifiers
+
+    rows = zip(meshes, sections, own, strict=True)
+    return [cut_modifiers(mesh, solid, profile, one) for mesh, solid, one in rows]
+
+
+def _divide_by_modifiers(
+    regions: list[Regions],
+    sections: Sequence[Sections],
+    walls: Sequence[Walls],
+    modifiers: Sequence[Sequence[Modifier]],
+) -> tuple[list[Regions], list[list[tuple[Regions, Profile]]]]:
+    """Return the regions of each object outside its modifiers, and those inside each of them with their profiles."""
+    if not any(modifiers):
+        return regions, [[] for _ in regions]
+    from printer_slicer.modifiers import divide_regions  # noqa: PLC0415 - few parts have modifiers
+
+    outside, inside = [], []
+    for area, solid, wall, several in zip(regions, sections, walls, modifiers, strict=True):
+        rest, own = divide_regions(area, solid, wall, several)
+        outside.append(rest)
+        inside.append([(one, modifier.profile) for one, modifier in zip(own, several, strict=True)])
+    return outside, inside
+
+
 @check_arguments(mesh=Mesh, profile=Profile, placement=Placement, volumes=(Volumes, NoneType))
 def overhangs(
     mesh: Mesh,
@@ -325,7 +362,8 @@ def overhangs(
         profile = profile_with(profile, {"quality.support": "columns"})
     meshes, sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
-    found = find_object_overhangs(meshes, sections, regions, own, always_steer=True)
+    modifiers = _cut_modifiers(meshes, sections, profile, own)
+    found = find_object_overhangs(meshes, sections, regions, own, modifiers, always_steer=True)
     return Overhangs.joined([one.overhangs for one in found])
 
 

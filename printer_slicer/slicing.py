@@ -27,7 +27,15 @@ from printer_slicer.model import (
     VolumeSections,
 )
 
-__all__ = ["contours", "cut", "cut_volumes", "find_gaps", "find_mesh_faults", "list_section_repairs"]
+__all__ = [
+    "contours",
+    "cut",
+    "cut_closed",
+    "cut_volumes",
+    "find_gaps",
+    "find_mesh_faults",
+    "list_section_repairs",
+]
 
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
@@ -72,7 +80,7 @@ def _subtract_negative(mesh: Mesh, negative: Mesh, plan: LayerPlan, solid: Areas
         PartError: nothing remains.
         MeshError: a negative volume is not closed.
     """
-    remaining = difference(solid, _cut_closed(negative, plan))
+    remaining = difference(solid, cut_closed(negative, plan))
     if remaining.n_rings == 0:
         raise PartError(
             f"{mesh.name}: nothing remains of the part after the negative volumes were cut out",
@@ -105,9 +113,9 @@ def cut_volumes(volumes: Volumes, plan: LayerPlan) -> VolumeSections:
         projected = project_slabs(_duplicate_level_facets(facets), below, above)
         return offset(normalize(projected), _PAINT_MARGIN)
 
-    blocked = offset(_cut_closed(volumes.block, plan), _BLOCKER_MARGIN)
+    blocked = offset(cut_closed(volumes.block, plan), _BLOCKER_MARGIN)
     return VolumeSections(
-        union(_cut_closed(volumes.enforce, plan), project(volumes.enforced_facets)),
+        union(cut_closed(volumes.enforce, plan), project(volumes.enforced_facets)),
         union(blocked, project(volumes.blocked_facets)),
     )
 
@@ -122,8 +130,12 @@ def _duplicate_level_facets(facets: Float) -> Float:
     return np.concatenate([facets[~is_level], facets[is_level] - step, facets[is_level] + step])
 
 
-def _cut_closed(mesh: Mesh | None, plan: LayerPlan) -> Areas:
-    """Return the sections of a mesh that need not reach all layers; it is repaired if necessary."""
+def cut_closed(mesh: Mesh | None, plan: LayerPlan) -> Areas:
+    """Return the sections of a mesh that need not reach all layers; it is repaired if necessary.
+
+    Raises:
+        MeshError: the surface is open.
+    """
     return normalize(_cut_rings(repair(mesh)[0], plan).areas) if mesh else Areas.empty(plan.n_layers)
 
 

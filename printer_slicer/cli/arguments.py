@@ -609,6 +609,17 @@ def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
         )
     mark_advanced(
         group.add_argument(
+            "--modifier",
+            metavar="FILE",
+            type=Path,
+            action="append",
+            default=[],
+            help="a closed mesh with settings of its own, such as --set-for FILE:infill_density=0.6 without the suffix "
+            "of the file; it is placed, scaled and rotated with the models",
+        )
+    )
+    mark_advanced(
+        group.add_argument(
             "--drop",
             action=argparse.BooleanOptionalAction,
             default=True,

@@ -21,7 +21,7 @@ from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
 from printer_slicer.placing import Placement, copy_in_grid, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
-from printer_slicer.profile.object_profiles import list_support_styles
+from printer_slicer.profile.object_profiles import list_support_styles, list_unfollowed_settings
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -112,14 +112,13 @@ def _load_transformed(arguments: argparse.Namespace, path: Path, report: StageRe
 
 
 def _load_volumes(arguments: argparse.Namespace, report: StageReport) -> Volumes | None:
-    """Read the support enforcers and blockers of a command line."""
-    enforcers, blockers = (
+    """Read the support enforcers, blockers and modifiers of a command line."""
+    enforcers, blockers, modifiers = (
         [replace(_load_transformed(arguments, path, report)[1], volumes=None, objects=()) for path in paths]
-        for paths in (arguments.support_enforcer, arguments.support_blocker)
+        for paths in (arguments.support_enforcer, arguments.support_blocker, arguments.modifier)
     )
-    return Volumes.joined(
-        [*(Volumes(enforce=mesh) for mesh in enforcers), *(Volumes(block=mesh) for mesh in blockers)]
-    )
+    steering = [*(Volumes(enforce=mesh) for mesh in enforcers), *(Volumes(block=mesh) for mesh in blockers)]
+    return Volumes.joined([*steering, Volumes(modifiers=tuple(modifiers))])
 
 
 def _make_placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
@@ -352,7 +351,9 @@ def _read_projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) 
             continue
         from printer_slicer.importing.projects import read_project
 
-        project = read_project(path, profile, {item.name for item in mesh.objects})
+        volumes = mesh.all_volumes
+        modifiers = {one.name for one in volumes.modifiers} if volumes else set()
+        project = read_project(path, profile, modifiers | {item.name for item in mesh.objects})
         if project.overrides or project.layer_heights or project.unused or project.has_settings:
             found[path] = project
     return found
@@ -425,6 +426,11 @@ def _list_volume_warnings(mesh: Mesh, profile: Profile) -> list[str]:
     if volumes.has_enforcers and styles == {"off"}:
         what = "support enforcers" if volumes.enforce else "facets painted for supports"
         found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
+    for name in dict.fromkeys(one.name for one in volumes.modifiers):
+        if not any(one.object == name for one in quality.overrides):
+            found.append(f"the modifier {name!r} has no settings; use --set-for '{name}:KEY=VALUE'")
+        elif unfollowed := list_unfollowed_settings(profile, name):
+            found.append(f"the modifier {name!r} does not change {', '.join(unfollowed)}")
     if volumes.negative:
         found.append("layer heights and the surface deviation are computed without the negative volumes")
     return found

@@ -22,6 +22,7 @@ _MODEL_DEFAULTS: Final[Mapping[str, object]] = {
     "copies": 1,
     "support_enforcer": [],
     "support_blocker": [],
+    "modifier": [],
 }
 """Defaults of the options for models."""
 _SLICING_OPTIONS: Final = ("quality", "range", "set_for", "load", "strict", "strict_supports")

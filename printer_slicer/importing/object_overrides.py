@@ -12,11 +12,12 @@ from typing import Any, Final
 from printer_slicer.importing.presets import ObjectSettings, Preset
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile, UnsupportedSetting
 from printer_slicer.profile.base import HEIGHT, OBJECT
+from printer_slicer.profile.object_profiles import MODIFIER_SETTINGS
 from printer_slicer.profile.overrides import HIGHEST
 from printer_slicer.profile.tables import list_setting_definitions
 from printer_slicer.values import replace
 
-__all__ = ["add_object_overrides", "flatten_settings", "list_overridable_settings"]
+__all__ = ["add_object_overrides", "explain_common_setting", "flatten_settings", "list_overridable_settings"]
 
 
 _HEIGHT: Final = "layer_height"
@@ -48,7 +49,7 @@ def add_object_overrides(
         made = convert(replace(preset, entries={**preset.entries, **entries}, object_settings=(), notes=()))
         before = dict(flatten_settings(profile.values))
         changed = {key: value for key, value in flatten_settings(made.values) if before.get(key) != value}
-        allowed = list_overridable_settings(heights=bool(source.high))
+        allowed = list_overridable_settings(heights=bool(source.high), modifier=source.is_modifier)
         kept = {key: value for key, value in changed.items() if key in allowed}
         if kept:
             heights = {"low": source.low, "high": source.high} if source.high else {}
@@ -74,16 +75,23 @@ def add_object_overrides(
     return replace(profile, values=values, taken=(*profile.taken, *taken), left=(*profile.left, *left))
 
 
-def list_overridable_settings(*, heights: bool) -> frozenset[str]:
+def list_overridable_settings(*, heights: bool, modifier: bool = False) -> frozenset[str]:
     """Return the names of the quality settings that can differ between objects.
 
     Args:
         heights: whether to return only those that can also differ between height ranges.
+        modifier: whether to return only those that modifiers can change.
     """
     places = {OBJECT, HEIGHT} if heights else {OBJECT}
-    return frozenset(
+    keys = frozenset(
         row.key.partition(".")[2] for row in list_setting_definitions() if places <= set(row.own)
     )
+    return keys & MODIFIER_SETTINGS if modifier else keys
+
+
+def explain_common_setting(ours: str, source: ObjectSettings) -> str:
+    """Return why a setting of an object or modifier is not used."""
+    return f"{ours} is the same for the whole {'object' if source.is_modifier else 'plate'} here"
 
 
 def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -133,5 +141,5 @@ def _list_unsupported(
             yield replace(lost, theirs=f"{source.place}: {lost.theirs}")
     for one in made.taken:
         if one.ours in same and one.theirs in names:
-            why = f"{one.ours} is the same for the whole plate here"
+            why = explain_common_setting(one.ours, source)
             yield UnsupportedSetting(f"{source.place}: {one.theirs}", one.text, why)

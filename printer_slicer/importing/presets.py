@@ -37,10 +37,11 @@ class ObjectSettings(Struct, frozen=True):
     """Settings of one object, or of one height range of an object.
 
     Attributes:
-        object: name of the object.
+        object: name of the object or modifier.
         low, high: height range above the bed, mm; both 0: the whole object.
         entries: settings, as in `Preset`.
         is_only_object: whether the project has no other object.
+        is_modifier: whether the settings are those of a modifier.
     """
 
     object: str
@@ -48,6 +49,7 @@ class ObjectSettings(Struct, frozen=True):
     high: float
     entries: Mapping[str, SourceSetting]
     is_only_object: bool
+    is_modifier: bool = False
 
     @property
     def place(self) -> str:

@@ -14,7 +14,8 @@ from printer_slicer.importing.ini import SourceSetting
 from printer_slicer.importing.orca import translate_orca
 from printer_slicer.importing.presets import ObjectSettings
 from printer_slicer.importing.results import ImportNote
-from printer_slicer.values import Struct, field
+from printer_slicer.mesh_io.volume_types import is_modifier, name_modifier
+from printer_slicer.values import Struct, field, replace
 
 __all__ = ["read_object_settings"]
 
@@ -40,13 +41,21 @@ _VOLUMES: Final = ("volume", "part")
 _EVERYWHERE: Final = (0.0, 0.0)
 
 
+class _Volume(Struct):
+    """A volume of an object: its name, its type in the file, and its settings."""
+
+    name: str = ""
+    kind: str = ""
+    settings: dict[str, str] = field(default_factory=dict)
+
+
 class _Object(Struct):
     """An object of a project: its name, its settings, and those of its height ranges and volumes."""
 
     name: str = ""
     settings: dict[str, str] = field(default_factory=dict)
     heights: list[tuple[tuple[float, float], dict[str, str]]] = field(default_factory=list)
-    volumes: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    volumes: list[_Volume] = field(default_factory=list)
 
 
 def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[ImportNote, ...]]:
@@ -78,10 +87,7 @@ def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[
     found: list[ObjectSettings] = []
     for object_name, group in _group_by_name(objects).items():
         place = f"{path}: {name}: {object_name or 'an object without a name'}"
-        volumes = [volume for one in group for volume, settings in one.volumes if settings]
-        if volumes:
-            which = ", ".join(map(repr, volumes[:5])) + (", ..." if len(volumes) > 5 else "")
-            notes.append(ImportNote(place, f"settings of volumes and modifiers are not imported: {which}"))
+        notes += _list_unread_volumes(group, place)
         is_only_object = len(objects) == 1
         first, *others = (
             _convert_settings(one, place, is_orca=name == OBJECTS_IN_3MF[1], is_only_object=is_only_object)
@@ -94,7 +100,35 @@ def read_object_settings(path: Path) -> tuple[tuple[ObjectSettings, ...], tuple[
                 "objects with this name have different settings" if object_name else "the object has no name"
             )
             notes.append(ImportNote(place, f"its settings are not imported: {why}; give it a unique name"))
+    found += _convert_modifiers(objects, f"{path}: {name}", is_orca=name == OBJECTS_IN_3MF[1])
     return tuple(found), tuple(notes)
+
+
+def _list_unread_volumes(group: Sequence[_Object], place: str) -> list[ImportNote]:
+    """Return a warning about the settings of volumes that are not modifiers."""
+    volumes = [
+        volume for one in group for volume in one.volumes if volume.settings and not is_modifier(volume.kind)
+    ]
+    if not volumes:
+        return []
+    which = ", ".join(repr(one.name or "without a name") for one in volumes[:5]) + (
+        ", ..." if len(volumes) > 5 else ""
+    )
+    return [ImportNote(place, f"settings of single volumes are not imported: {which}")]
+
+
+def _convert_modifiers(objects: Sequence[_Object], place: str, *, is_orca: bool) -> list[ObjectSettings]:
+    """Return the settings of all modifiers, under the names that their meshes have."""
+    found, names = [], list[str]()
+    for one in objects:
+        for volume in one.volumes:
+            if not is_modifier(volume.kind):
+                continue
+            names.append(name_modifier(one.name, volume.name, names))
+            source = _Object(names[-1], volume.settings)
+            made = _convert_settings(source, f"{place}: {names[-1]}", is_orca=is_orca, is_only_object=False)
+            found += [replace(settings, is_modifier=True) for settings in made]
+    return found
 
 
 def _group_by_name(objects: Sequence[_Object]) -> dict[str, list[_Object]]:
@@ -186,7 +220,7 @@ class _ObjectReader(_XmlReader):
             self._objects.append(self._current)
         elif self._current and tag in _VOLUMES:
             self._is_in_volume = True
-            self._current.volumes.append(("without a name", {}))
+            self._current.volumes.append(_Volume(kind=attributes.get("subtype", "")))
         elif self._current and tag == "metadata" and attributes.get("key"):
             self._add_setting(self._current, attributes["key"], attributes.get("value", ""))
 
@@ -196,7 +230,7 @@ class _ObjectReader(_XmlReader):
             self._is_in_volume = False
         elif tag == "object" and self._current:
             if len(self._current.volumes) == 1:
-                self._current.settings |= self._current.volumes.pop()[1]
+                self._current.settings |= self._current.volumes.pop().settings
             self._current = None
 
     def _add_setting(self, target: _Object, key: str, value: str) -> None:
@@ -207,9 +241,13 @@ class _ObjectReader(_XmlReader):
             elif not _is_first_tool(key, value):
                 target.settings[key] = value
         elif key == "name":
-            target.volumes[-1] = value, target.volumes[-1][1]
+            target.volumes[-1].name = value
+        elif key == "volume_type":
+            target.volumes[-1].kind = value
+        elif key == "modifier":
+            target.volumes[-1].kind = target.volumes[-1].kind or ("modifier" if value == "1" else "")
         elif key not in _VOLUME_METADATA and not _is_first_tool(key, value):
-            target.volumes[-1][1][key] = value
+            target.volumes[-1].settings[key] = value
 
 
 class _RangeReader(_XmlReader):

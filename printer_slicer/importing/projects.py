@@ -10,7 +10,11 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.importing.archives import read_archive
 from printer_slicer.importing.embedded_settings import OBJECTS_IN_3MF, SETTINGS_IN_3MF
 from printer_slicer.importing.ini import SourceSetting
-from printer_slicer.importing.object_overrides import flatten_settings, list_overridable_settings
+from printer_slicer.importing.object_overrides import (
+    explain_common_setting,
+    flatten_settings,
+    list_overridable_settings,
+)
 from printer_slicer.importing.orca_names import ORCA_DEFAULTS
 from printer_slicer.importing.presets import ObjectSettings, Preset, parse_quantity
 from printer_slicer.importing.project_objects import read_object_settings
@@ -49,7 +53,7 @@ def read_project(path: Path, profile: Profile, names: Collection[str]) -> Projec
         path: the file; it has no settings if no slicer wrote it.
         profile: the profile for slicing. Its nozzle and layer height are used to convert percentages and layer counts
             if the project does not set them.
-        names: objects to print; settings of other objects are ignored.
+        names: objects and modifiers of the print; settings of others are ignored.
 
     Raises:
         ProfileError: the archive is damaged.
@@ -109,7 +113,8 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
     kept = {
         key: values[key]
         for key in wanted
-        if key in values and key in list_overridable_settings(heights=bool(settings.high))
+        if key in values
+        and key in list_overridable_settings(heights=bool(settings.high), modifier=settings.is_modifier)
     }
     table: dict[str, Any] = {"object": settings.object, "set": dict(sorted(kept.items()))}
     if settings.high:
@@ -119,7 +124,7 @@ def _convert_object(settings: ObjectSettings, base: Preset) -> Project:
         f"{key} = {value}"
         for key, value in [*sorted(kept.items()), *(("layer_height", height) for _, height in heights)]
     )
-    lost += _list_unused(made, source_names, kept)
+    lost += _list_unused(made, source_names, kept, settings)
     return Project(
         (table,) if kept else (),
         heights,
@@ -142,7 +147,9 @@ def _find_layer_height(settings: ObjectSettings) -> tuple[tuple[tuple[str, float
     return (), [f"{entry.name} = {entry.text} is not used: {why}"]
 
 
-def _list_unused(converted: ImportedProfile, source_names: set[str], kept: Collection[str]) -> list[str]:
+def _list_unused(
+    converted: ImportedProfile, source_names: set[str], kept: Collection[str], settings: ObjectSettings
+) -> list[str]:
     """List the settings of an object that are not used, with the reason."""
     lost = [
         f"{one.theirs} = {one.text} is not used: {one.why}"
@@ -151,7 +158,7 @@ def _list_unused(converted: ImportedProfile, source_names: set[str], kept: Colle
     ]
     used = {one.theirs for one in converted.taken if one.ours in kept}
     return lost + [
-        f"{one.theirs} = {one.text} is not used: {one.ours} is the same for the whole plate here"
+        f"{one.theirs} = {one.text} is not used: {explain_common_setting(one.ours, settings)}"
         for one in converted.taken
         if one.theirs in source_names - used and one.ours not in kept
     ]

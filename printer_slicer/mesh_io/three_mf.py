@@ -1,8 +1,8 @@
 """Read 3MF files: objects, components and build items of all model files in an archive.
 
 Sources: 3MF Core Specification 1.3 and Production Extension 1.1. Objects of other types than model (support, surface,
-other), build items with `printable="0"` and modifiers of slicers are left out. Support enforcers and blockers, negative
-volumes and facets painted for supports are kept apart from the part.
+other) and build items with `printable="0"` are left out. Support enforcers and blockers, negative volumes, modifiers
+and facets painted for supports are kept apart from the part.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from printer_slicer.mesh_io.volume_types import (
     BLOCK,
     ENFORCE,
     MAX_LISTED_NAMES,
+    MODIFIER,
     NEGATIVE,
     read_volume_types,
 )
@@ -277,19 +278,31 @@ def _read_volumes(
     scale: float,
 ) -> Volumes | None:
     """Return the volumes of an object that are not printed, and its painted facets; None if there are none."""
-    meshes = dict[str, Mesh]()
-    for name, volume_type in (("enforce", ENFORCE), ("block", BLOCK), ("negative", NEGATIVE)):
+
+    def read_mesh(volume_type: str, name: str) -> Mesh | None:
+        """Return the volumes of a type as one mesh; None if there are none."""
         triangles = assemble_facets([root], bodies, path, limits, scale, volume_type=volume_type)
         if not (np.abs(triangles) < LARGEST).all():
             raise MeshError(
                 f"{path}: a {volume_type} has a coordinate that is too large or no number",
                 remedy=EXPORT_AGAIN,
             )
-        if len(triangles):
-            meshes[name] = Mesh(triangles, f"{path.stem}: {volume_type}")
+        return Mesh(triangles, name) if len(triangles) else None
+
+    enforce, block, negative = (
+        read_mesh(kind, f"{path.stem}: {kind}") for kind in (ENFORCE, BLOCK, NEGATIVE)
+    )
+    given = dict.fromkeys(use.volume_type for use in bodies[root.key].parts)
+    names = [kind for kind in given if kind.startswith(MODIFIER)]
+    modifiers = [read_mesh(kind, kind.removeprefix(MODIFIER)) for kind in names]
     pieces, state = assemble_painted_facets([root], bodies, path, limits, scale)
     volumes = Volumes(
-        **meshes, enforced_facets=pieces[state == ENFORCED], blocked_facets=pieces[state == BLOCKED]
+        enforce,
+        block,
+        negative,
+        pieces[state == ENFORCED],
+        pieces[state == BLOCKED],
+        tuple(mesh for mesh in modifiers if mesh),
     )
     return None if volumes.is_empty else volumes
 

@@ -23,11 +23,23 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["BLOCK", "ENFORCE", "MAX_LISTED_NAMES", "NEGATIVE", "VolumeTypes", "read_volume_types"]
+__all__ = [
+    "BLOCK",
+    "ENFORCE",
+    "MAX_LISTED_NAMES",
+    "MODIFIER",
+    "NEGATIVE",
+    "VolumeTypes",
+    "is_modifier",
+    "name_modifier",
+    "read_volume_types",
+]
 
 ENFORCE: Final = "support enforcer"
 BLOCK: Final = "support blocker"
 NEGATIVE: Final = "negative volume"
+MODIFIER: Final = "modifier "
+"""The type of a modifier is this, followed by its name, because each modifier has settings of its own."""
 IGNORED: Final = "ignored"
 
 CONFIG_FILES: Final = ("metadata/slic3r_pe_model.config", "metadata/model_settings.config")
@@ -41,6 +53,9 @@ TYPES: Final = {
     "support_blocker": BLOCK,
     "negativevolume": NEGATIVE,
     "negative_part": NEGATIVE,
+    "parametermodifier": MODIFIER,
+    "modifier_part": MODIFIER,
+    "modifier": MODIFIER,
 }
 """Types of volumes by their names in the files of PrusaSlicer, and of Bambu Studio and OrcaSlicer, in lower case."""
 MAX_LISTED_NAMES: Final = 5
@@ -52,11 +67,13 @@ class _Volume(Struct, frozen=True):
 
     name: str
     kind: str
+    full_name: str
 
     @property
     def volume_type(self) -> str:
         """The type of the volume."""
-        return TYPES.get(self.kind.lower(), IGNORED)
+        found = TYPES.get(self.kind.lower(), IGNORED)
+        return found + self.full_name if found == MODIFIER else found
 
     def describe(self) -> str:
         """Return the name and the kind for messages."""
@@ -71,6 +88,7 @@ class VolumeTypes(XmlReader):
         self._object = self._component = self._name = self._kind = ""
         self._range = (0, -1)
         self._n_unprinted = 0
+        self._modifier_names: list[str] = []
         self._inside = False  # of a volume
         self.names: dict[str, str] = {}
         self.ranges: dict[str, list[tuple[tuple[int, int], _Volume]]] = {}
@@ -124,7 +142,11 @@ class VolumeTypes(XmlReader):
         self._n_unprinted += 1
         if self._n_unprinted > self.limits.instances:
             raise self.make_error(f"more than {self.limits.instances} volumes")
-        return _Volume(self._name, self._kind)
+        full_name = ""
+        if is_modifier(self._kind):
+            full_name = name_modifier(self.names.get(self._object, ""), self._name, self._modifier_names)
+            self._modifier_names.append(full_name)
+        return _Volume(self._name, self._kind, full_name)
 
     def name_objects(self, bodies: dict[Hashable, ObjectBuilder], part: str) -> None:
         """Give unnamed objects of a model file the names that the slicer stored."""
@@ -202,14 +224,26 @@ def _describe_ignored(volumes: Sequence[_Volume]) -> list[str]:
     """Return a warning about volumes that have no effect."""
     if not volumes:
         return []
-    what = "1 modifier is" if len(volumes) == 1 else f"{len(volumes)} modifiers are"
-    return [f"{what} ignored, with the settings: {_list_volumes(volumes)}"]
+    what = "1 volume is" if len(volumes) == 1 else f"{len(volumes)} volumes are"
+    return [f"{what} of an unknown type and left out: {_list_volumes(volumes)}"]
 
 
 def _list_volumes(volumes: Sequence[_Volume]) -> str:
     """Format the names of the first volumes, and how many more there are."""
     more = f" and {len(volumes) - MAX_LISTED_NAMES} more" if len(volumes) > MAX_LISTED_NAMES else ""
     return ", ".join(volume.describe() for volume in volumes[:MAX_LISTED_NAMES]) + more
+
+
+def is_modifier(kind: str) -> bool:
+    """Return whether a volume is a modifier by its type in the file."""
+    return TYPES.get(kind.lower()) == MODIFIER
+
+
+def name_modifier(object_name: str, name: str, earlier: Sequence[str]) -> str:
+    """Return the name of a modifier: OBJECT/MODIFIER, with a number if an earlier one of the file has this name."""
+    full = f"{object_name}/{name or 'modifier'}"
+    count = sum(one == full or one.startswith(f"{full}_") for one in earlier)
+    return f"{full}_{count + 1}" if count else full
 
 
 def read_volume_types(archive: Archive, limits: Limits) -> VolumeTypes:

@@ -31,6 +31,8 @@ class Volumes(Struct, frozen=True, eq=False):
         negative: closed meshes that are cut out of the part.
         enforced_facets: (P, 3, 3) mm, the pieces of the surface that are painted to get a support.
         blocked_facets: (Q, 3, 3) mm, the pieces of the surface that are painted to get none.
+        modifiers: closed meshes with settings of their own; overrides refer to their names. Where several overlap, the
+            last one counts.
     """
 
     enforce: Mesh | None = None
@@ -38,17 +40,22 @@ class Volumes(Struct, frozen=True, eq=False):
     negative: Mesh | None = None
     enforced_facets: Float = field(default_factory=lambda: np.zeros((0, 3, 3)))
     blocked_facets: Float = field(default_factory=lambda: np.zeros((0, 3, 3)))
+    modifiers: tuple[Mesh, ...] = ()
 
     def __post_init__(self) -> None:
         for name in _MESHES:
             check_argument(name, getattr(self, name), (Mesh, NoneType))
+        force_setattr(self, "modifiers", tuple(self.modifiers))
+        for mesh in self.modifiers:
+            check_argument("modifiers", mesh, Mesh)
         for name in _PAINTED:
             force_setattr(self, name, frozen_array(getattr(self, name), np.float64, (-1, 3, 3)))
 
     def __repr__(self) -> str:
         meshes = [f"{name} {mesh.n_facets}" for name in _MESHES if (mesh := getattr(self, name))]
         painted = [f"{name} {len(getattr(self, name))}" for name in _PAINTED if len(getattr(self, name))]
-        return f"<Volumes: {', '.join(meshes + painted) or 'none'}>"
+        modifiers = [f"{mesh.name!r} {mesh.n_facets}" for mesh in self.modifiers]
+        return f"<Volumes: {', '.join(meshes + modifiers + painted) or 'none'}>"
 
     @property
     def has_enforcers(self) -> bool:
@@ -63,7 +70,7 @@ class Volumes(Struct, frozen=True, eq=False):
     @property
     def is_empty(self) -> bool:
         """Whether there is neither a volume nor a painted facet."""
-        return not (self.has_enforcers or self.has_blockers or self.negative is not None)
+        return not (self.has_enforcers or self.has_blockers or self.negative is not None or self.modifiers)
 
     def map_triangles(self, change: Callable[[Float], Float]) -> Volumes:
         """Return the volumes with all triangles changed by a function that takes and returns (F, 3, 3) mm."""
@@ -72,7 +79,9 @@ class Volumes(Struct, frozen=True, eq=False):
             for name in _MESHES
             for mesh in [getattr(self, name)]
         }
-        return Volumes(**meshes | {name: change(getattr(self, name)) for name in _PAINTED})
+        modifiers = tuple(Mesh(change(mesh.triangles), mesh.name) for mesh in self.modifiers)
+        painted = {name: change(getattr(self, name)) for name in _PAINTED}
+        return Volumes(**meshes | painted, modifiers=modifiers)
 
     def moved(self, by: Float) -> Volumes:
         """Return the volumes shifted by (x, y, z) mm."""
@@ -86,7 +95,7 @@ class Volumes(Struct, frozen=True, eq=False):
             return given[0] if given else None
         meshes: dict[str, Any] = {name: _join([getattr(one, name) for one in given]) for name in _MESHES}
         painted = {name: np.concatenate([getattr(one, name) for one in given]) for name in _PAINTED}
-        return cls(**meshes | painted)
+        return cls(**meshes | painted, modifiers=tuple(mesh for one in given for mesh in one.modifiers))
 
 
 def _join(meshes: Sequence[Mesh | None]) -> Mesh | None:

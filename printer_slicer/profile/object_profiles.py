@@ -3,16 +3,78 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import Final
 
 from printer_slicer.profile.files import profile_with
 from printer_slicer.profile.profile import Profile
 
 __all__ = [
+    "MODIFIER_SETTINGS",
     "list_height_overrides",
     "list_overridden_objects",
     "list_support_styles",
+    "list_unfollowed_settings",
     "make_profile_for_object",
 ]
+
+
+MODIFIER_SETTINGS: Final = frozenset(
+    {
+        "infill",
+        "infill_density",
+        "infill_angle_deg",
+        "infill_anchor",
+        "infill_anchor_max",
+        "lightning_angle_deg",
+        "top_thickness",
+        "bottom_thickness",
+        "slope_shell_ratio",
+        "solid_infill_below_area",
+        "bridge_anchor",
+        "bridge_flow_ratio",
+        "internal_bridge_flow_ratio",
+        "thick_bridges",
+        "flow_ratio",
+        "max_flow",
+        "speeds.internal_infill",
+        "speeds.solid_infill",
+        "speeds.top_solid_infill",
+        "speeds.bridge",
+        "speeds.internal_bridge",
+        "speeds.ratio",
+        "accelerations.internal_infill",
+        "accelerations.solid_infill",
+        "accelerations.top_solid_infill",
+        "accelerations.bridge",
+        "support",
+        "support_threshold_deg",
+        "support_max_bridge",
+        "support_min_area",
+        "support_min_reach",
+        "support_bottom_gap",
+        "support_branch_diameter",
+        "support_branch_growth_deg",
+        "support_closing",
+        "support_foot",
+        "support_gap",
+        "support_gap_slack",
+        "support_gram_price",
+        "support_interface_layers",
+        "support_interface_spacing",
+        "support_joist",
+        "support_on_bed_only",
+        "support_places",
+        "support_scar_price",
+        "support_spacing",
+        "support_tip_diameter",
+        "support_tip_distance",
+        "support_tree_angle_deg",
+        "support_tree_slow_angle_deg",
+        "support_walls",
+        "support_xy_gap",
+    }
+)
+"""Settings that modifiers change; speeds, accelerations and flow apply to the infill."""
 
 
 def list_overridden_objects(profile: Profile) -> tuple[str, ...]:
@@ -47,3 +109,9 @@ def list_support_styles(profile: Profile) -> set[object]:
         profile.quality.support,
         *(one.set[name] for one in profile.quality.overrides for name in named if name in one.set),
     }
+
+
+def list_unfollowed_settings(profile: Profile, name: str) -> list[str]:
+    """Return the settings of a modifier that are not followed."""
+    given = (key for one in profile.quality.overrides if one.object == name for key in one.set)
+    return sorted({key for key in given if key.removeprefix("quality.") not in MODIFIER_SETTINGS})

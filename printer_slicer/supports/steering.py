@@ -14,7 +14,7 @@ from printer_slicer.supports.patches import join_patches
 from printer_slicer.supports.slopes import compute_steps
 from printer_slicer.values import replace
 
-__all__ = ["steer"]
+__all__ = ["select_overhangs", "steer"]
 
 _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
@@ -58,6 +58,27 @@ def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, qua
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
         blocked=blocked,
+    )
+
+
+def select_overhangs(overhangs: Overhangs, place: Areas, quality: Quality, *, inside: bool) -> Overhangs:
+    """Return what hangs inside or outside a place, given by its area in each layer; lists stay with the outside."""
+    cut = intersection if inside else difference
+    area, islands, bridged = (
+        cut(one, place) for one in (overhangs.area, overhangs.islands, overhangs.bridged)
+    )
+    # All of it is kept: small patches were dropped before.
+    area = offset_open(area, _SLIVER / 2)
+    step = compute_steps(overhangs.plan, quality.support_threshold_deg)
+    area, patch = join_patches(area, area, Areas.empty(overhangs.plan.n_layers), step, quality)
+    return replace(
+        overhangs,
+        area=area,
+        ring_patch=patch,
+        islands=islands,
+        bridged=bridged,
+        is_flat=mark_flat_layers(area, patch),
+        blocked=() if inside else overhangs.blocked,
     )
 
 

@@ -157,7 +157,7 @@ def test_settings_of_several_volumes_are_named(tmp_path: Path) -> None:
     outcome = typed("slice", path, *FLAGS, "-o", tmp_path / "out.gcode")
 
     assert outcome.code == 0
-    assert "settings of volumes and modifiers are not imported" in outcome.err
+    assert "settings of single volumes are not imported" in outcome.err
 
 
 @pytest.mark.parametrize(("flags", "height"), [((), 0.1), (("--set", "layer_height=0.25"), 0.25)])

@@ -117,14 +117,26 @@ def test_settings_of_the_only_volume_are_the_objects(tmp_path: Path) -> None:
     assert made.notes == ()
 
 
-def test_settings_of_modifiers_are_reported(tmp_path: Path) -> None:
-    modifier = {"name": "slab", "volume_type": "ParameterModifier", "perimeters": "6"}
-    made = quality(tmp_path, body("lid", {}, {}, modifier))
+def test_settings_of_modifiers_become_overrides(tmp_path: Path) -> None:
+    modifier = {"name": "slab", "volume_type": "ParameterModifier", "perimeters": "6", "fill_density": "60%"}
+    twin = modifier | {"fill_density": "80%"}
+    made = quality(tmp_path, body("lid", {}, {}, modifier, twin))
+
+    assert made.values["overrides"] == [
+        {"object": "lid/slab", "set": {"infill_density": 0.6}},
+        {"object": "lid/slab_2", "set": {"infill_density": 0.8}},
+    ]
+    (lost,) = [one.why for one in made.left if "lid/slab: perimeters" in one.theirs]
+    assert lost == "perimeters is the same for the whole object here"
+
+
+def test_settings_of_single_volumes_are_reported(tmp_path: Path) -> None:
+    made = quality(
+        tmp_path, body("lid", {}, {}, {"name": "slab", "volume_type": "ModelPart", "perimeters": "6"})
+    )
 
     assert "overrides" not in made.values
-    assert [note.text for note in made.notes] == [
-        "settings of volumes and modifiers are not imported: 'slab'"
-    ]
+    assert [note.text for note in made.notes] == ["settings of single volumes are not imported: 'slab'"]
 
 
 @pytest.mark.parametrize(

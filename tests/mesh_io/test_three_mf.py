@@ -216,8 +216,9 @@ def test_a_volume_that_only_changes_settings_is_not_printed_prusa(tmp_path: Path
     model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes == ("1 modifier is ignored, with the settings: 'Softer' (ParameterModifier)",)
-    assert model.mesh.volumes is None
+    assert model.notes == ()
+    assert model.mesh.volumes is not None
+    assert [one.name for one in model.mesh.volumes.modifiers] == ["/Softer"]
 
 
 def test_a_modifier_of_old_slicers_is_not_printed(tmp_path: Path) -> None:
@@ -231,7 +232,23 @@ def test_a_modifier_of_old_slicers_is_not_printed(tmp_path: Path) -> None:
     model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes[0].endswith("'' (modifier)")
+    assert model.mesh.volumes is not None
+    assert [one.name for one in model.mesh.volumes.modifiers] == ["/modifier"]
+
+
+def test_volumes_of_unknown_types_are_left_out(tmp_path: Path) -> None:
+    text = model_xml(
+        {1: mesh_xml(np.concatenate([CORNERS, 3 * CORNERS]), np.concatenate([FACES, FACES + 8]))}, item(1)
+    )
+    config = (
+        '<config><object id="1"><volume firstid="0" lastid="11"/><volume firstid="12" lastid="23">'
+        '<metadata type="volume" key="name" value="x"/><metadata type="volume" key="volume_type" value="Glue"/>'
+        "</volume></object></config>"
+    )
+    model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
+
+    assert np.array_equal(model.mesh.triangles, BOX)
+    assert model.notes == ("1 volume is of an unknown type and left out: 'x' (Glue)",)
 
 
 def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path) -> None:
@@ -244,7 +261,7 @@ def test_a_volume_that_only_changes_settings_is_not_printed_bambu(tmp_path: Path
     model = read(tmp_path, text, {"Metadata/model_settings.config": config})
 
     assert np.array_equal(model.mesh.triangles, BOX)
-    assert model.notes == ("1 modifier is ignored, with the settings: 'Softer' (modifier_part)",)
+    assert model.notes == ()
 
 
 def painted(mesh: str, **counts: int) -> str:

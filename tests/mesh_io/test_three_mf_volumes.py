@@ -74,7 +74,10 @@ def test_prusaslicer_lists_volumes_as_ranges_of_facets(tmp_path: Path) -> None:
     assert box_at(volumes.enforce, 10)
     assert box_at(volumes.block, 30)
     assert box_at(volumes.negative, 40)
-    assert model.notes == ("1 modifier is ignored, with the settings: 'volume 5' (ParameterModifier)",)
+    (modifier,) = volumes.modifiers
+    assert modifier.name == "tee/volume 5"
+    assert box_at(modifier, 50)
+    assert model.notes == ()
 
 
 @pytest.mark.parametrize("name", ["Metadata/model_settings.config", "metadata/Model_Settings.config"])
