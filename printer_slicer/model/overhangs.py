@@ -27,6 +27,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
         bridged: areas that hang, but whose bridge lines are held at both ends.
         is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
         blocked: islands that get no support because a support blocker covers them.
+        idle_enforcers: connected support enforcers within which nothing hangs, so that they have no effect.
     """
 
     plan: LayerPlan
@@ -36,6 +37,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
     bridged: Areas
     is_flat: Bool
     blocked: tuple[Bare, ...] = ()
+    idle_enforcers: tuple[Bare, ...] = ()
 
     def __post_init__(self) -> None:
         force_setattr(self, "ring_patch", frozen_array(self.ring_patch, np.int64, (self.area.n_rings,)))
@@ -73,7 +75,10 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
             for name in ("area", "islands", "bridged")
         }
         blocked = tuple(place for part in parts for place in part.blocked)
-        return cls(plan, ring_patch=patch[order], is_flat=is_flat, blocked=blocked, **stacks)
+        idle = tuple(place for part in parts for place in part.idle_enforcers)
+        return cls(
+            plan, ring_patch=patch[order], is_flat=is_flat, blocked=blocked, idle_enforcers=idle, **stacks
+        )
 
     @property
     def n_patches(self) -> int:

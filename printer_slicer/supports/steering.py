@@ -20,6 +20,7 @@ _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
 )
 _BLOCKED: Final = "a support blocker covers it"
+_IDLE: Final = "nothing hangs within this support enforcer"
 _NOT_ENFORCED: Final = "supports are made only in enforced places"
 
 
@@ -57,7 +58,8 @@ def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, qua
         islands=islands,
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
-        blocked=blocked,
+        blocked=(*overhangs.blocked, *blocked),
+        idle_enforcers=_list_idle(volumes.enforce, enforced, overhangs, quality),
     )
 
 
@@ -79,6 +81,7 @@ def select_overhangs(overhangs: Overhangs, place: Areas, quality: Quality, *, in
         bridged=bridged,
         is_flat=mark_flat_layers(area, patch),
         blocked=() if inside else overhangs.blocked,
+        idle_enforcers=() if inside else overhangs.idle_enforcers,
     )
 
 
@@ -87,6 +90,28 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
     hangs = difference(intersection(solid, enforce), solid.shift_layers(1))
     on_bed = np.arange(solid.n_layers) == 0
     return offset_open(hangs.of_layers(~on_bed), _SLIVER)
+
+
+def _list_idle(enforce: Areas, enforced: Areas, overhangs: Overhangs, quality: Quality) -> tuple[Bare, ...]:
+    """List the connected enforcers without anything that hangs, at the middle of their lowest section."""
+    plan = overhangs.plan
+    step = compute_steps(plan, quality.support_threshold_deg)
+    area, patch = join_patches(enforce, enforce, Areas.empty(plan.n_layers), step, quality)
+    if not area.n_rings:
+        return ()
+    pieces = split_connected(area)
+    in_use = intersection(pieces.areas, enforced.copy_layers(pieces.layer)).area() > 0
+    of_piece = np.zeros(pieces.count, np.int64)
+    is_known = pieces.of_ring >= 0
+    of_piece[pieces.of_ring[is_known]] = patch[is_known]
+    idle = np.setdiff1d(of_piece, of_piece[in_use])
+    first = [int(np.flatnonzero(of_piece == one)[0]) for one in idle]
+    size, (low, high) = pieces.areas.area(), pieces.areas.boxes()
+    places = ((low + high) / 2)[first].tolist()
+    return tuple(
+        Bare(x, y, float(plan.bottom[pieces.layer[piece]]), float(size[piece]), _IDLE)
+        for (x, y), piece in zip(places, first, strict=True)
+    )
 
 
 def _list_places(islands: Areas, block: Areas, plan: LayerPlan, reason: str) -> tuple[Bare, ...]:

@@ -138,6 +138,17 @@ def test_blocked_islands_are_reported() -> None:
     assert result.islands.area().sum() == pytest.approx(150)
 
 
+def test_enforcers_in_which_nothing_hangs_are_listed() -> None:
+    under = box((9, 40, 4), (8, -20, UNDER - 2)).triangles
+    inside, outside = box((4, 4, 6), (-2, -2, 3)).triangles, box((4, 4, 4), (30, 30, 5)).triangles
+    result = steered(tee(), Volumes(enforce=Mesh(np.concatenate([under, inside, outside]))))
+    places = sorted((place.x, place.y, place.z) for place in result.idle_enforcers)
+
+    assert np.array(places) == pytest.approx(np.array([(0.0, 0.0, 3.0), (32.0, 32.0, 5.0)]), abs=0.21)
+    assert result.area.area().sum() == pytest.approx(90)
+    assert steered(tee(), Volumes(enforce=Mesh(under))).idle_enforcers == ()
+
+
 heights = st.lists(st.sampled_from([0.2, 0.25, 0.3, 0.4]), min_size=20, max_size=20).map(
     lambda some: some * 10
 )
