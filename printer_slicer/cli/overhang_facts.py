@@ -64,22 +64,24 @@ def list_blocked_island_warnings(stages: Stages) -> list[str]:
 
 
 def list_unused_enforcer_warnings(stages: Stages, profile: Profile) -> list[str]:
-    """Return a warning if the part has support enforcers or painted facets, but nothing hangs within any of them."""
+    """Return warnings about support enforcers, and about painted facets, within which nothing hangs."""
     volumes, found = stages.part.all_volumes, stages.overhangs
-    if (
-        volumes is None
-        or not volumes.has_enforcers
-        or found is None
-        or list_support_styles(profile) == {"off"}
-    ):
+    if volumes is None or found is None or list_support_styles(profile) == {"off"}:
         return []
-    from printer_slicer.slicing import cut_volumes
+    warnings = []
+    for place in found.idle_enforcers[:_MOST_PLACES]:
+        x, y, z = (np.array([place.x, place.y, place.z]) + stages.shift).tolist()
+        where = f"{x:.1f}, {y:.1f}, {z:.1f}"
+        warnings.append(f"nothing hangs within the support enforcer at x, y, z {where}, so it has no effect")
+    if volumes.enforce is None and len(volumes.enforced_facets):
+        from printer_slicer.slicing import cut_volumes
 
-    enforced = cut_volumes(volumes, found.plan).enforce
-    if intersection(enforced, found.area).n_rings:
-        return []
-    what = "support enforcers" if volumes.enforce else "facets painted for supports"
-    return [f"nothing hangs within the {what}, so they have no effect; move them to an overhang"]
+        enforced = cut_volumes(volumes, found.plan).enforce
+        if not intersection(enforced, found.area).n_rings:
+            warnings.append(
+                "nothing hangs at the facets that are painted for supports, so they have no effect"
+            )
+    return warnings
 
 
 def _list_largest(areas: Areas, z: Float, shift: Float) -> list[dict[str, float]]:
