@@ -11,7 +11,7 @@ from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import LayerPlan
 from printer_slicer.supports.tree_settings import TreeSettings
 
-__all__ = ["draw_branches", "find_closed_discs", "find_second_loops"]
+__all__ = ["draw_branches", "draw_discs", "find_closed_discs", "find_second_loops"]
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
@@ -44,10 +44,10 @@ def draw_branches(pieces: Float, height: Float, layers: LayerPlan, settings: Tre
     # The lowest layer is as wide as the foot; above it, a branch that also leans must not protrude twice as far.
     widening = np.maximum(foot - disc[:, 0], 0.0) * settings.slope / 2
     radius = disc[:, 3] + np.where(layer == 0, foot, widening)
-    return normalize(_draw_discs(disc[:, 1:3], radius, layer, layers.n_layers))
+    return normalize(draw_discs(disc[:, 1:3], radius, layer, layers.n_layers))
 
 
-def _draw_discs(middle: Float, radius: Float, layer: Int, n_layers: int) -> Areas:
+def draw_discs(middle: Float, radius: Float, layer: Int, n_layers: int) -> Areas:
     """Return regular polygons around `middle` (n, 2) on layers (n,), ascending; their sides touch the circle."""
     corners = np.where(radius > _THICK, _MANY_CORNERS, _FEW_CORNERS)
     owner = np.repeat(np.arange(len(radius)), corners)

@@ -14,6 +14,8 @@ from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct
 
 __all__ = [
+    "LOWEST_TIP",
+    "REACH_IN_Z",
     "Tips",
     "choose_bare_places",
     "choose_tips",
@@ -25,8 +27,8 @@ __all__ = [
 ]
 
 _REACH_OF_SLOPES, _REACH_OF_FLATS = 0.9, 0.7  # of the spacing of joists
-_REACH_IN_Z = 2.0  # mm from a place up to the tip; below the tip, its branch carries what is beside it
-_LOWEST_TIP = 0.6  # mm from a place down to the tip
+REACH_IN_Z = 2.0  # mm from a place up to the tip; below the tip, its branch carries what is beside it
+LOWEST_TIP = 0.6  # mm from a place down to the tip
 _CELL_RATIO = 1.4  # reaches; larger cells leave places that need another round, smaller ones give more tips
 _SAMPLE = 0.5  # mm between places in narrow strips
 _LONGEST_CHORD = 3.0  # mm; strips are narrower than a roof, 2 mm, and may lie diagonally
@@ -155,7 +157,7 @@ def _choose_covering(places: Tips) -> Tips:
     Cells of 1.4 reaches take turns in eight groups, in each of which no two are neighbours; each cell chooses the place
     nearest to its middle.
     """
-    size = np.column_stack([np.outer(places.reach, [_CELL_RATIO] * 2), np.full(places.count, _REACH_IN_Z)])
+    size = np.column_stack([np.outer(places.reach, [_CELL_RATIO] * 2), np.full(places.count, REACH_IN_Z)])
     share = places.place / size
     cell = np.floor(share).astype(np.int64)
     off = norm((share - cell - 0.5)[:, :2])
@@ -189,7 +191,7 @@ def _is_beside(places: Tips, tips: Tips, reach: Float | float) -> Bool:
     points, others = (Boxes(xy, xy, layer) for xy, layer in ends)
     own, other = points.expand(reach).find_overlapping(others)
     gap = places.place[own] - tips.place[other]
-    result[
-        own[(norm(gap[:, :2]) <= reach[own]) & (gap[:, 2] <= _LOWEST_TIP) & (gap[:, 2] >= -_REACH_IN_Z)]
-    ] = True
+    result[own[(norm(gap[:, :2]) <= reach[own]) & (gap[:, 2] <= LOWEST_TIP) & (gap[:, 2] >= -REACH_IN_Z)]] = (
+        True
+    )
     return result

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open, split_connected
+from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.geometry import (
+    Areas,
+    difference,
+    intersection,
+    normalize,
+    offset,
+    offset_open,
+    split_connected,
+)
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
-from printer_slicer.supports.branches import draw_branches, find_closed_discs
+from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs
 from printer_slicer.supports.descent import descend
 from printer_slicer.supports.fields import Fields, build_fields
 from printer_slicer.supports.roofs import (
@@ -24,6 +33,8 @@ from printer_slicer.supports.roofs import (
 from printer_slicer.supports.smoothing import smooth_branches
 from printer_slicer.supports.starts import Starts, choose_starts
 from printer_slicer.supports.tips import (
+    LOWEST_TIP,
+    REACH_IN_Z,
     Tips,
     choose_bare_places,
     choose_tips,
@@ -172,13 +183,36 @@ def _plan_tips(
         if not new.count:
             break
     bare = choose_bare_places(places, tips, starts.found)
-    return tips, starts, _describe_bare(bare)
+    return tips, starts, _describe_bare(bare, tips.take(starts.found), strips, plan)
 
 
-def _describe_bare(places: Tips) -> tuple[Bare, ...]:
-    """Return the places that no branch reaches."""
+def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> tuple[Bare, ...]:
+    """Return the places that no branch reaches.
+
+    Args:
+        bare: these places.
+        tips: those that branches reach.
+        strips: areas under overhangs by layer of the part.
+        plan: of the supports.
+    """
     reason = "no branch reaches this place without touching the part"
-    return tuple(
-        Bare(x, y, z, 0.0, reason, is_island)
-        for (x, y, z), is_island in zip(places.place.tolist(), places.island.tolist(), strict=True)
-    )
+    area = _measure_bare(bare, tips, strips, plan) if bare.count else np.zeros(0)
+    rows = zip(bare.place.tolist(), area.tolist(), bare.island.tolist(), strict=True)
+    return tuple(Bare(x, y, z, size, reason, is_island) for (x, y, z), size, is_island in rows)
+
+
+def _measure_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:
+    """Return the area (B,) of the strips around each bare place that have no tip near them, mm²."""
+    used = np.flatnonzero(strips.used & (plan.carrier >= 0))
+    z = plan.layers.top[plan.carrier[used]]
+    reach = float(max(bare.reach.max(), tips.reach.max(initial=0.0)))
+    first, last = (np.searchsorted(z, tips.place[:, 2] + by) for by in (-REACH_IN_Z, LOWEST_TIP))
+    count = np.maximum(last - first, 0)
+    tip, layer = np.repeat(np.arange(tips.count), count), consecutive(first, count)
+    order = np.argsort(layer, kind="stable")
+    near = draw_discs(tips.place[tip[order], :2], np.full(len(tip), reach), layer[order], len(used))
+    pieces = split_connected(difference(strips.copy_layers(used), normalize(near)))
+    low, high = pieces.areas.boxes()
+    middle = np.column_stack([(low + high) / 2, z[pieces.layer]])
+    nearest = np.argmin(norm(bare.place[:, None] - middle), axis=0)
+    return np.asarray(np.bincount(nearest, pieces.areas.area(), minlength=bare.count), np.float64)

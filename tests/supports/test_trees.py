@@ -287,3 +287,12 @@ def test_roofs_have_as_many_closed_layers_as_the_settings_say(n: int) -> None:
 def test_roofs_and_branches_beside_narrow_passages_do_not_begin_in_the_air(seed: int) -> None:
     """The part is in the way of joists there, and cuts branches off."""
     assert len(find_pieces_in_the_air(*grown_on_noise(seed))) == 0
+
+
+@pytest.mark.parametrize("seed", [33, 46])
+def test_bare_places_have_the_area_that_no_tip_reaches(seed: int) -> None:
+    supports, sections = grown_on_noise(seed)
+    area = np.array([place.area for place in supports.bare])
+
+    assert (area >= 0).all()
+    assert 1.0 < area.sum() < overhangs_of(sections).area.area().sum()
