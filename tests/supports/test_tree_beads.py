@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from printer_slicer.model import Mesh, Sections, Toolpaths
-from printer_slicer.supports.styles import make_supports
+from printer_slicer.supports.beads import lay_support_beads
+from printer_slicer.supports.trees import grow_trees
 from tests.parts import plain
 from tests.supports.by_hand import prepared
 from tests.supports.free_beads import find_free_beads
@@ -24,8 +25,8 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
 
 
 def lay(mesh: Mesh) -> tuple[Toolpaths, Sections]:
-    overhangs, _, sections = prepared(mesh)
-    return make_supports(overhangs, sections, plain(support="tree"))[1], sections
+    overhangs, plan, sections = prepared(mesh)
+    return lay_support_beads(grow_trees(overhangs, plan, sections, plain()), plain()), sections
 
 
 @pytest.mark.parametrize("name", SHAPES)
