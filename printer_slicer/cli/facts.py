@@ -8,7 +8,6 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.cli.overhang_facts import collect_overhang_facts, format_overhang_sentences
-from printer_slicer.cli.support_facts import collect_support_facts, format_support_sentences
 from printer_slicer.model import LayerPlan, Mesh, Repairs
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.planning.violations import find_violations
@@ -71,12 +70,21 @@ def collect_slicing_facts(
         "begins_at": lowest,
         **_collect_adhesion_facts(stages, profile),
         "overhangs": collect_overhang_facts(stages, profile),
-        "supports": collect_support_facts(stages, profile) if stages.supports else None,
+        "supports": _collect_support_facts(stages, profile),
         "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": list_repair_facts(stages.repairs),
         "certificate": collect_certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
     }
+
+
+def _collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
+    """Return the facts about supports, for JSON; None without supports."""
+    if stages.supports is None:
+        return None
+    from printer_slicer.cli.support_facts import collect_support_facts
+
+    return collect_support_facts(stages, profile)
 
 
 def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
@@ -168,7 +176,10 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
             f"The part does not touch the bed: its first extrusion starts at z {facts['lowest_extrusion_z']:g}"
         )
     lines += format_overhang_sentences(facts["overhangs"])
-    lines += format_support_sentences(facts["supports"])
+    if facts["supports"]:
+        from printer_slicer.cli.support_facts import format_support_sentences
+
+        lines += format_support_sentences(facts["supports"])
     lines += _format_link_sentences(facts["link"])
     lines += _format_skirt_sentences(facts)
     if facts["brim_omitted"]:

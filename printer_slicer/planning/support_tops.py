@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Int
 from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile
+from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.surface.flats import find_downward_flats
 
 __all__ = ["find_support_contacts"]
@@ -33,9 +34,7 @@ def find_support_contacts(mesh: Mesh, profile: Profile, unit: float) -> tuple[In
         The units (n,) at which the layers above the flats begin, ascending, and (n,) those at which supports end.
     """
     quality, printer = profile.quality, profile.printer
-    supported = quality.support != "off" or any(
-        one.set.get("support", "off") != "off" for one in quality.overrides
-    )
+    supported = list_support_styles(profile) != {"off"}
     gap = round(quality.support_gap / unit)
     if not (supported and quality.support_sync) or gap * unit < printer.min_layer - _ROUNDING * unit:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -8,9 +8,6 @@ from printer_slicer.arrays import Bool, Int
 from printer_slicer.geometry import Areas, difference, intersection, offset_open, union
 from printer_slicer.model import Overhangs, Regions, Sections
 from printer_slicer.profile import Profile
-from printer_slicer.supports.bridged import find_bridged
-from printer_slicer.supports.islands import find_islands
-from printer_slicer.supports.patches import drop_small_groups, join_patches
 from printer_slicer.supports.slopes import compute_steps, find_strips, grow_by_step
 
 __all__ = ["find_overhangs", "mark_flat_layers"]
@@ -36,6 +33,12 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     around = grow_by_step(below, step)
     steep = difference(solid.of_layers(np.arange(1, plan.n_layers)), around)
     air = difference(solid.of_layers(steep.used), below)
+    if not air.n_rings:
+        return Overhangs(plan, air, np.zeros(0, np.int64), air, air, np.zeros(plan.n_layers, np.bool_))
+    from printer_slicer.supports.bridged import find_bridged  # noqa: PLC0415 - in many parts nothing hangs
+    from printer_slicer.supports.islands import find_islands  # noqa: PLC0415
+    from printer_slicer.supports.patches import drop_small_groups, join_patches  # noqa: PLC0415
+
     islands = find_islands(solid, below, air, around, profile.extrusion_width)
     hanging = union(find_strips(air, steep, step), islands)
     hanging = offset_open(drop_small_groups(hanging, islands, step, quality), _SLIVER / 2)
