@@ -31,6 +31,7 @@ _WALLS = 2.5  # extrusion widths beside bridge lines that their outermost ones c
 _SHORT = 1.0  # extrusion widths by which a row may end before the support; its end extends into the wall
 _ALLOWED = 0.01  # mm by which spans may be longer, because areas are rounded
 _BEND = 1.01  # length of a perimeter over the distance of its ends; a longer one turns and hangs
+_BESIDE = 1.0  # extrusion widths; strips of one slope in neighbouring layers are this close to each other
 
 
 def find_bridged(air: Areas, below: Areas, solid: Areas, regions: Regions, profile: Profile) -> Areas:
@@ -99,5 +100,21 @@ def _cover_perimeters(air: Areas, below: Areas, solid: Areas, profile: Profile) 
     beyond = width * way / chord[:, None]
     held = [depths(below, points, runs.layer, width) > 0 for points in (ends[0] - beyond, ends[1] + beyond)]
     held_runs = runs.take(np.flatnonzero(straight & held[0] & held[1]))
+    held_runs = held_runs.take(np.flatnonzero(~_follow_slopes(held_runs, air, width)))
     radius = np.full(held_runs.n_lines, (count + 0.5) * width)
     return stroke_lines(held_runs.xy, held_runs.start, held_runs.layer, radius, air.n_layers)
+
+
+def _follow_slopes(runs: Polylines, air: Areas, width: float) -> Bool:
+    """Return a mask (N,) of runs that have a strip of the same slope beside them, in the layer below or above.
+
+    Strips of a slope are about as wide as a bead. Whether the middle of a perimeter lies in one depends on the layers,
+    so some strips of a slope would be carried and others not.
+    """
+    if not runs.n_lines:
+        return np.zeros(0, np.bool_)
+    first, last = runs.start[:-1], runs.start[1:] - 1
+    middle = (runs.xy[(first + last) // 2] + runs.xy[(first + last + 1) // 2]) / 2
+    reach = _BESIDE * width
+    beside = [depths(air.shift_layers(rise), middle, runs.layer, reach) > -reach for rise in (1, -1)]
+    return np.asarray(beside[0] | beside[1])

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import printer_slicer as ps
-from printer_slicer.geometry import Areas, intersection, normalize, split_connected
+from printer_slicer.geometry import Areas, depths, intersection, normalize, split_connected
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Regions, Sections
 from printer_slicer.supports import find_overhangs
 from tests.parts import box, joined, loft, plain, sheared_prism, sphere
 
 CELL: Final = 3.0  # mm
+Array = np.ndarray
 
 
 def found(mesh: Mesh, tops: Any = 0.2, **changes: object) -> Overhangs:
@@ -29,6 +31,22 @@ def found(mesh: Mesh, tops: Any = 0.2, **changes: object) -> Overhangs:
 def solid(made: trimesh.Trimesh) -> Mesh:
     """A part made by trimesh."""
     return Mesh(np.asarray(made.triangles, np.float64), "part")
+
+
+def joined_layers(areas: Areas) -> Areas:
+    """The areas of all layers as seen from above."""
+    return normalize(areas.on_layers(np.zeros(areas.n_layers, np.int64), 1))
+
+
+def seen_from_above(hanging: Overhangs) -> float:
+    """What hangs, as seen from above, mm²."""
+    return float(joined_layers(hanging.area).area()[0])
+
+
+def is_within(areas: Areas, xy: Array) -> Array:
+    """Whether points lie in the only layer of areas."""
+    depth = depths(areas, xy, np.zeros(len(xy), np.int64), 50.0)
+    return np.asarray(depth > 0)
 
 
 def wall_with_hole(diameter: float, thickness: float) -> Mesh:
@@ -127,6 +145,86 @@ def test_a_bridge_needs_nothing_up_to_the_maximum_length(width: float) -> None:
     assert found(gate(10.5, width)).area.area().sum() == pytest.approx(10.5 * width, rel=0.02)
     assert found(gate(10.5, width), support_max_bridge=11).n_patches == 0
     assert found(gate(4.0, width), support_max_bridge=0).n_patches == 1
+
+
+@settings(max_examples=15)
+@given(st.floats(25, 38), st.integers(0, 2**32 - 1))
+def test_a_slope_between_two_walls_is_found_in_all_layers(angle: float, seed: int) -> None:
+    reach = 8.0
+    rise = reach * np.tan(np.deg2rad(angle))
+    profile = np.array([[0.0, 6.0], [0.0, 16.0], [-reach, 16.0], [-reach, 6.0 + rise]])
+    roof = trimesh.convex.convex_hull([(x, y, z) for x in (2.0, 10.0) for y, z in profile])
+    walls = [trimesh.creation.box(bounds=[(x, -reach, 0), (x + 3, 0, 16)]) for x in (0.0, 9.0)]
+    back = trimesh.creation.box(bounds=[(0, -1, 0), (12, 2, 16)])
+    part = solid(trimesh.boolean.union([roof, back, *walls], engine="manifold"))
+    heights = np.random.default_rng(seed).uniform(0.1, 0.3, 200)
+    tops = np.cumsum(heights)
+    area = seen_from_above(found(part, tops[tops < 16]))
+    assert area == pytest.approx(6.0 * (reach - 1), rel=0.08)
+
+
+def sphere_at(x: Array, y: Array) -> tuple[Array, Array]:
+    """Slope in degrees and height of the lower half of a sphere of 12 mm that stands at z = 0."""
+    away = np.hypot(x, y) / 12
+    return np.rad2deg(np.arcsin(np.minimum(away, 1))), 12 - 12 * np.sqrt(np.maximum(1 - away**2, 0))
+
+
+def torus_at(x: Array, y: Array) -> tuple[Array, Array]:
+    """Slope in degrees and height of the lower half of a ring of 6 mm about a circle of 14 mm."""
+    away = np.abs(np.hypot(x, y) - 14) / 6
+    return np.rad2deg(np.arcsin(np.minimum(away, 1))), 6 - 6 * np.sqrt(np.maximum(1 - away**2, 0))
+
+
+def crown_at(x: Array, y: Array) -> tuple[Array, Array]:
+    """Slope in degrees and height of the crown of a tunnel of 20 mm along y, from y = -10 to 10."""
+    away = np.where(np.abs(y) < 9.9, np.abs(x) / 10, 1)
+    return np.rad2deg(np.arcsin(np.minimum(away, 1))), 10 * np.sqrt(np.maximum(1 - away**2, 0))
+
+
+def tunnel() -> Mesh:
+    """A block of 30 x 20 x 16 mm with half a cylinder of 20 mm cut out along y."""
+    block = trimesh.creation.box(bounds=[(-15, -10, 0), (15, 10, 16)])
+    across = trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
+    return solid(
+        trimesh.boolean.difference(
+            [block, trimesh.creation.cylinder(10, 60, sections=360, transform=across)], engine="manifold"
+        )
+    )
+
+
+def turned_ring() -> Mesh:
+    """The ring of `torus_at`, 6 mm above the bed."""
+    ring = trimesh.creation.torus(14, 6, major_sections=180, minor_sections=180)
+    ring.apply_translation((0, 0, 6))
+    return solid(ring)
+
+
+def ball() -> Mesh:
+    """The sphere of `sphere_at`."""
+    made = trimesh.creation.icosphere(5, 12.0)
+    made.apply_translation((0, 0, 12))
+    return solid(made)
+
+
+@pytest.mark.parametrize(
+    ("part", "surface"), [(ball(), sphere_at), (turned_ring(), torus_at), (tunnel(), crown_at)]
+)
+@settings(max_examples=6)
+@given(st.one_of(st.sampled_from([0.1, 0.2, 0.3]), st.integers(0, 2**32 - 1)))
+def test_a_curved_surface_is_found_up_to_the_threshold(
+    part: Mesh, surface: Callable[[Array, Array], tuple[Array, Array]], layers: float
+) -> None:
+    n, top = 250, float(part.bounds[1, 2])
+    uneven = isinstance(layers, int)
+    heights = np.random.default_rng(layers).uniform(0.1, 0.3, n) if uneven else np.full(n, layers)
+    tops = np.cumsum(heights)
+    hanging = found(part, tops[tops < top])
+    xy = np.stack(np.meshgrid(*[np.arange(-20, 20, 0.25) + 0.11] * 2), axis=-1).reshape(-1, 2)
+    slope, z = surface(*xy.T)
+    inside = is_within(joined_layers(hanging.area.merge(hanging.bridged)), xy)
+    flat, steep = (slope < 39) & (z > 0.5), (slope > 41) & (slope < 90)
+    assert inside[flat].mean() >= 0.95
+    assert inside[steep].mean() <= 0.05
 
 
 def test_what_bridges_carry_is_told_apart() -> None:
