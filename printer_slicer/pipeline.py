@@ -15,7 +15,7 @@ import numpy as np
 from printer_slicer.adhesion import add_adhesion, place_on_raft
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.errors import UsageError
-from printer_slicer.extrusion import extrude
+from printer_slicer.extrusion import cool, make_moves
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import SupportOwners, label_moves
 from printer_slicer.model import (
@@ -191,20 +191,28 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     report("travels")
     travels = travel(toolpaths, printed, profile)
     report("extrusion")
-    program = extrude(toolpaths, travels, profile, profiles)
-    link = None
-    if profile.printer.link_lines_per_second:
+    limits_link = profile.printer.link_lines_per_second > 0
+    moves, link = make_moves(toolpaths, travels, profile, profiles), None
+    if not (keep or limits_link):
+        toolpaths = _select_adhesion(toolpaths)  # free memory: the moves are timed without their paths
+    program = cool(moves, profile)
+    del moves
+    if limits_link:
         from printer_slicer.link_limiter import limit_link  # noqa: PLC0415 - few profiles limit the link
 
-        moves = toolpaths, travels, program
-        toolpaths, travels, program, link = limit_link(moves, printed, profile, profiles)
-    toolpaths = (
-        toolpaths if keep else toolpaths.take(np.flatnonzero(roles_with(is_part=False)[toolpaths.role]))
-    )
+        toolpaths, travels, program, link = limit_link(
+            (toolpaths, travels, program), printed, profile, profiles
+        )
+        toolpaths = toolpaths if keep else _select_adhesion(toolpaths)
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
     made_later = toolpaths, travels, program, link, labels, Repairs()
     return Stages(part, solid, walls, regions, *made_later, *_join_overhangs(found), supports)
+
+
+def _select_adhesion(paths: Toolpaths) -> Toolpaths:
+    """Return the paths that do not belong to the part."""
+    return paths.take(np.flatnonzero(roles_with(is_part=False)[paths.role]))
 
 
 def _find_owners(

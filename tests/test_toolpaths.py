@@ -43,3 +43,19 @@ def test_paths_rebuilt_in_slabs_are_those_of_all_points_at_once(seed: int, has_s
     assert set(columns) == {"xy", "width"} | ({"support_ratio"} if has_support_ratio else set())
     for name in Toolpaths.__struct_fields__[1:]:
         np.testing.assert_array_equal(getattr(rebuilt, name), getattr(whole, name))
+
+
+def test_joining_with_an_empty_part_stores_no_columns_of_defaults() -> None:
+    plan = LayerPlan.from_tops(np.array([0.2]))
+    square = Toolpaths.gathered(
+        plan,
+        xy=np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]),
+        size=np.array([4]),
+        layer=np.array([0]),
+        role=np.array([1]),
+        width=np.array([0.4]),
+        closed=True,
+    )
+    joined = Toolpaths.joined(plan, [square, square.take(np.zeros(0, np.int64))])
+    assert (joined.z_offset.tolist(), joined.flow_ratio.tolist()) == ([0.0] * 4, [1.0] * 4)
+    assert joined.z_offset.strides == joined.flow_ratio.strides == (0,)

@@ -19,11 +19,27 @@ from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import Role, is_perimeter, roles_with
-from printer_slicer.values import replace
+from printer_slicer.values import Struct, replace
 
-__all__ = ["compute_path_seconds", "extrude", "move_seconds"]
+__all__ = ["FullSpeedMoves", "compute_path_seconds", "cool", "extrude", "make_moves", "move_seconds"]
 
 _OVERHANG_SUPPORT = 0.5  # fraction of the width; perimeters with less support are overhang perimeters
+
+
+class FullSpeedMoves(Struct, frozen=True, eq=False):
+    """Moves at full speed, before layers are slowed down and the fan is set.
+
+    Attributes:
+        program: the moves.
+        support_ratio: (K,) fraction of the width of each extrusion that lies on the layer below.
+        path: (K,) the path that each move belongs to or leads to.
+        heats: changes of temperature between moves.
+    """
+
+    program: Program
+    support_ratio: Float
+    path: Int
+    heats: tuple[Event, ...] = ()
 
 
 def extrude(
@@ -35,15 +51,23 @@ def extrude(
     `profiles` is empty. Layers that take less than `material.min_layer_time` are slowed down, at most to
     `material.min_speed`.
     """
-    # Timing takes the most memory, so it runs in a function without the inputs of the moves.
+    return cool(make_moves(paths, travels, profile, profiles), profile)
+
+
+def make_moves(
+    paths: Toolpaths, travels: Travels, profile: Profile, profiles: Sequence[Profile] = ()
+) -> FullSpeedMoves:
+    """Return the moves of `extrude` before `cool`, which needs no paths; the result does not know them either."""
     profiles = tuple(profiles) or (profile,)
-    program, support_ratio, _ = _make_moves(paths, travels, profile, profiles)
-    program = slow_small_layers(program, profile)
-    events = [
-        *_list_temperature_changes(program, paths, profile.material, profiles),
-        *fan_events(program, support_ratio, profile),
-        *program.events,
-    ]
+    moves = _make_moves(paths, travels, profile, profiles)
+    heats = _list_temperature_changes(moves.program, paths, profile.material, profiles)
+    return replace(moves, path=np.zeros(0, np.int64), heats=tuple(heats))
+
+
+def cool(moves: FullSpeedMoves, profile: Profile) -> Program:
+    """Return a program whose layers take at least `material.min_layer_time`, with changes of the fan."""
+    program = slow_small_layers(moves.program, profile)
+    events = [*moves.heats, *fan_events(program, moves.support_ratio, profile), *program.events]
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 
@@ -52,17 +76,15 @@ def compute_path_seconds(paths: Toolpaths, travels: Travels, profile: Profile) -
 
     Arguments are those of `extrude`.
     """
-    program, _, path = _make_moves(paths, travels, profile, (profile,))
-    return np.bincount(path, move_seconds(program, profile), minlength=paths.n_paths).astype(np.float64)
+    moves = _make_moves(paths, travels, profile, (profile,))
+    seconds = move_seconds(moves.program, profile)
+    return np.bincount(moves.path, seconds, minlength=paths.n_paths).astype(np.float64)
 
 
 def _make_moves(
     paths: Toolpaths, travels: Travels, profile: Profile, profiles: tuple[Profile, ...]
-) -> tuple[Program, Float, Int]:
-    """Return the moves at full speed, and for each (K,) the fraction of its width that lies on the layer below.
-
-    The third value is the path (K,) that each move belongs to or leads to.
-    """
+) -> FullSpeedMoves:
+    """Return the moves at full speed, without temperature changes."""
     rows = list_moves(paths, travels, profile)
     diameter = np.array([extruder.material.filament_diameter for extruder in profile.extruders])
     values = compute_move_values(paths, rows, diameter, profiles)
@@ -93,7 +115,7 @@ def _make_moves(
         centre = np.full((program.n_moves, 2), np.nan)
         centre[is_bead] = paths.centre[begin]
         program = replace(program, centre=centre)
-    return program, values.support_ratio, path
+    return FullSpeedMoves(program, values.support_ratio, path)
 
 
 def _list_tool_changes(tool: SmallInt) -> list[ToolChange]:

@@ -22,6 +22,7 @@ __all__ = ["fan_events", "slow_small_layers"]
 
 _MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
 _ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
+_MOVES_AT_ONCE: Final = 1 << 16  # whose fan ratios are computed
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
 _SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES], np.int8)
@@ -93,6 +94,25 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     Support interfaces have a fan speed of their own. `support_ratio` (K,) is the fraction of each extrusion's width
     that rests on the layer below.
     """
+    of_layer, may_rise = _fan_ratios_of_layers(program, profile)
+    # Slabs of moves, from the last to the first: each needs the first extrusion after it.
+    steps, following = np.zeros(program.n_moves, np.int64), program.n_moves
+    for first in reversed(range(0, program.n_moves, _MOVES_AT_ONCE)):
+        some = slice(first, first + _MOVES_AT_ONCE)
+        extrusion = _find_next_extrusions(program.role[some], first, following)
+        following = int(extrusion[0])
+        exists, at = extrusion < program.n_moves, np.minimum(extrusion, program.n_moves - 1)
+        role = np.where(exists, program.role[at], np.int16(Role.TRAVEL))
+        ratio = of_layer[program.layer[some]]
+        own = _fan_ratios(ratio, role, np.where(exists, support_ratio[at], 1.0), profile.material)
+        steps[some] = np.round(np.where(may_rise[program.layer[some]], own, ratio) / _FAN_STEP)
+    change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
+    ratios = np.clip(steps[change] * _FAN_STEP, 0, 1)
+    return [Fan(move, share) for move, share in zip(change.tolist(), ratios.tolist(), strict=True)]
+
+
+def _fan_ratios_of_layers(program: Program, profile: Profile) -> tuple[Float, Bool]:
+    """Return the fan ratio (L,) of each layer from its time and height, and whether (L,) the fan may be on."""
     material, plan = profile.material, program.plan
     group = _group_layers(program)
     seconds = np.bincount(
@@ -104,23 +124,23 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     by_time = material.fan_ratio + hurry * (strongest - material.fan_ratio)
     ramp_height = max(material.fan_full_above - material.fan_off_below, 1e-9)
     ramp = np.clip((plan.top - material.fan_off_below) / ramp_height, 0, 1)
-    ratio = (by_time * ramp)[program.layer]
-    is_bridge = roles_with(is_bridge=True)[program.role]
-    bridge = _is_next_extrusion_selected(program.role, is_bridge) & (ramp[program.layer] > 0)
+    return by_time * ramp, ramp > 0
+
+
+def _fan_ratios(ratio: Float, role: SmallInt, support_ratio: Float, material: Material) -> Float:
+    """Return the fan ratio (n,) of moves on layers where the fan may be on.
+
+    Args:
+        ratio: (n,) that of the layer.
+        role: (n,) role of the next extrusion; TRAVEL if there is none.
+        support_ratio: (n,) its support ratio.
+        material: sets the ratios of bridges, overhangs and support interfaces.
+    """
     on_bridges = np.maximum(ratio, material.fan_ratio_bridge)
-    toward = np.interp(
-        _take_from_next_extrusion(program.role, support_ratio, 1.0),
-        SUPPORT_RATIOS,
-        _overhang_fan_weights(material),
-    )
-    toward = np.where(ramp[program.layer] > 0, toward, 0.0)
-    ratio = np.where(bridge, on_bridges, ratio + toward * (on_bridges - ratio))
-    on_interface = _is_next_extrusion_selected(program.role, program.role == Role.SUPPORT_INTERFACE)
-    ratio = np.where(on_interface & (ramp[program.layer] > 0), material.support_fan, ratio)
-    steps = np.round(ratio / _FAN_STEP).astype(np.int64)
-    change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
-    ratios = np.clip(steps[change] * _FAN_STEP, 0, 1)
-    return [Fan(move, share) for move, share in zip(change.tolist(), ratios.tolist(), strict=True)]
+    toward = np.interp(support_ratio, SUPPORT_RATIOS, _overhang_fan_weights(material))
+    is_bridge = roles_with(is_bridge=True)[role]
+    ratio = np.where(is_bridge, on_bridges, ratio + toward * (on_bridges - ratio))
+    return np.where(role == Role.SUPPORT_INTERFACE, material.support_fan, ratio)
 
 
 def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
@@ -134,15 +154,13 @@ def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
     )
 
 
-def _take_from_next_extrusion(role: SmallInt, values: Float, default: float) -> Float:
-    """Give each move (K,) the value of the next extrusion; extrusions keep their own value."""
-    is_bead = role != Role.TRAVEL
-    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
-    return np.asarray(np.append(values, default)[following])
+def _find_next_extrusions(role: SmallInt, first: int, following: int) -> Int:
+    """Return the index (n,) of the extrusion that follows each move; for an extrusion, its own index.
 
-
-def _is_next_extrusion_selected(role: SmallInt, selected: Bool) -> Bool:
-    """Return whether the next extrusion of each move (K,) is selected."""
-    is_bead = role != Role.TRAVEL
-    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(role)), len(role))[::-1])[::-1]
-    return np.asarray((following < len(role)) & selected[np.minimum(following, len(role) - 1)])
+    Args:
+        role: (n,) role of each move.
+        first: index of the first move.
+        following: index of the next extrusion after the last move.
+    """
+    own = np.where(role != Role.TRAVEL, np.arange(first, first + len(role)), following)
+    return np.asarray(np.minimum.accumulate(own[::-1])[::-1])

@@ -198,7 +198,9 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
             support_ratio=np.concatenate([part.support_ratio for part in parts]),
             chain_id=_renumber_chains([part.chain_id for part in parts]),
             slope=None
-            if all(_is_default(part.z_offset) and _is_default(part.flow_ratio) for part in parts)
+            if all(
+                _is_default(part.z_offset) and _is_default(part.flow_ratio) for part in parts if len(part.xy)
+            )
             else (
                 np.concatenate([part.z_offset for part in parts]),
                 np.concatenate([part.flow_ratio for part in parts]),
