@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "functions.hpp"
 #include "vectors.hpp"
@@ -211,6 +212,7 @@ Indices find_unsupported(const ReadMap& map, const Level& level, double gap, dou
 // Returns the height of a level above the print or the bed below it; 0 if all of it is as high.
 double median_clearance(const WrittenMap& map, const Level& level) {
   std::vector<double> open;
+  open.reserve(level.n_pieces);
   for (std::size_t i = 0; i < level.n_pieces; ++i) {
     const double clearance = level.z[i] - static_cast<double>(map.top[level.cell[i]]);
     if (clearance > SAME_HEIGHT) open.push_back(clearance);
@@ -346,5 +348,7 @@ PyObject* split_moves(PyObject*, PyObject* arguments) {
     result = split(reinterpret_cast<const Place*>(start.doubles()), reinterpret_cast<const Place*>(end.doubles()),
                    start.size() / 3);
   });
-  return succeeded ? to_tuple(result.move, result.x, result.y, result.z, result.length) : nullptr;
+  if (!succeeded) return nullptr;
+  return to_tuple(std::move(result.move), std::move(result.x), std::move(result.y), std::move(result.z),
+                  std::move(result.length));
 }

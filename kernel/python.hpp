@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <new>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 // Input that is not what a function expects; it becomes a ValueError.
@@ -60,9 +61,16 @@ PyObject* to_bytes(const std::vector<T>& values) {
                                    static_cast<Py_ssize_t>(values.size() * sizeof(T)));
 }
 
+// Releases the memory of an array that is moved.
+template <typename T>
+PyObject* to_bytes(std::vector<T>&& values) {
+  const std::vector<T> released = std::move(values);
+  return to_bytes(released);
+}
+
 // Returns a tuple of one object of bytes per array.
 template <typename... Arrays>
-PyObject* to_tuple(const Arrays&... arrays) {
+PyObject* to_tuple(Arrays&&... arrays) {
   PyObject* result = PyTuple_New(sizeof...(arrays));
   Py_ssize_t place = 0;
   const auto append = [&](PyObject* part) {
@@ -73,7 +81,7 @@ PyObject* to_tuple(const Arrays&... arrays) {
       Py_XDECREF(part);
     }
   };
-  (append(to_bytes(arrays)), ...);
+  (append(to_bytes(std::forward<Arrays>(arrays))), ...);
   return result;
 }
 

@@ -52,7 +52,7 @@ _MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
     32 << 20,
 )  # bytes; the maxima of glibc since 2.35 and before
 _MAX_KEPT = 1 << 30  # bytes
-_MAX_FREED = 48 << 20  # bytes of freed memory that are kept between two stages
+_MAX_FREED = 24 << 20  # bytes of freed memory that are kept between two stages
 
 
 class Plate(Struct, frozen=True, eq=False):

@@ -75,10 +75,11 @@ def compute_move_values(
 
     `diameter` holds the filament diameter of each tool, mm.
     """
-    speed, filament = _speeds_without_extrusion(paths, rows, profiles[0]), rows.pulled.copy()
-    width, height, support_ratio = (np.zeros(len(speed)) for _ in range(3))
+    speed = _speeds_without_extrusion(paths, rows, profiles[0])
+    filament, width, height, support_ratio = (np.zeros(len(speed)) for _ in range(4))
+    filament[rows.pulls] = rows.pulled
     supported = [_supported_speeds(paths, profile) for profile in profiles]
-    moves = np.flatnonzero(rows.is_bead)
+    moves = np.flatnonzero(rows.is_bead).astype(np.int32)
     for first in range(0, len(moves), _BEADS_AT_ONCE):
         some = slice(first, first + _BEADS_AT_ONCE)
         move = moves[some]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, SmallInt
@@ -24,6 +26,9 @@ class MoveKind:
     RETRACT, WIPE, LIFT, TRAVEL, DROP, DERETRACT, BEAD = range(7)
 
 
+_PULLS: Final = np.isin(np.arange(MoveKind.BEAD + 1), (MoveKind.RETRACT, MoveKind.WIPE, MoveKind.DERETRACT))
+
+
 class MoveRows(Struct, frozen=True, eq=False):
     """All moves, without speeds; the last one retracts after the last path.
 
@@ -31,17 +36,19 @@ class MoveRows(Struct, frozen=True, eq=False):
         path: (K,) the path that each move belongs to or leads to.
         kind: (K,) `MoveKind` of each move.
         xyz: (K, 3) end position, mm.
-        pulled: (K,) filament moved without extrusion, mm; negative for retractions.
-        begin: (B,) first points of the extrusions.
-        end: (B,) last points of the extrusions.
+        pulls: (R,) indices of the moves that move filament without extrusion.
+        pulled: (R,) the filament that they move, mm; negative for retractions.
+        begin: (B,) first points of the extrusions, as int32.
+        end: (B,) last points of the extrusions, as int32.
     """
 
     path: Int
     kind: SmallInt
     xyz: Float
+    pulls: Int
     pulled: Float
-    begin: Int
-    end: Int
+    begin: SmallInt
+    end: SmallInt
 
     @property
     def is_bead(self) -> Bool:
@@ -61,24 +68,28 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
     far = np.hypot(*(paths.xy.take(end, axis=0) - paths.xy.take(begin, axis=0)).T) > _SHORTEST_EXTRUSION
     kept = np.ones(len(path), np.bool_)
     kept[kind == MoveKind.BEAD] = far
-    path, kind, begin, end = path[kept], kind[kept], begin[far], end[far]
+    path, kind = path[kept], kind[kept]
+    begin, end = (points.astype(np.int32)[far] for points in (begin, end))
     xyz = _compute_positions(paths, travels, wipes, ends, (path, kind, end))
     xyz = _move_retractions(xyz, kind)
     if profile.printer.z_hop_ramp:
         xyz = _turn_lifts_into_ramps(xyz, path, kind, travels)
-    pulled = np.zeros(len(path))
-    pulled[kind == MoveKind.RETRACT] = -wipes.standing[path[kind == MoveKind.RETRACT]]
-    pulled[kind == MoveKind.WIPE] = -wipes.moving
-    printer = profile.printer
-    pulled[kind == MoveKind.DERETRACT] = printer.retract_length + printer.deretract_extra
+    path, kind = np.append(path, path[-1]), np.append(kind, kind.dtype.type(MoveKind.RETRACT))
     return MoveRows(
-        np.append(path, path[-1]),
-        np.append(kind, kind.dtype.type(MoveKind.RETRACT)),
-        np.concatenate([xyz, xyz[-1:]]),
-        np.append(pulled, -printer.retract_length),
-        begin,
-        end,
+        path, kind, np.concatenate([xyz, xyz[-1:]]), *_list_pulls(path, kind, wipes, profile), begin, end
     )
+
+
+def _list_pulls(path: Int, kind: SmallInt, wipes: Wipes, profile: Profile) -> tuple[Int, Float]:
+    """Return the moves (R,) that move filament without extrusion, and how much, mm; the last move retracts."""
+    printer, pulls = profile.printer, np.flatnonzero(_PULLS[kind])
+    own = kind[pulls]
+    pulled = np.full(len(pulls), printer.retract_length + printer.deretract_extra)
+    retracts = own == MoveKind.RETRACT
+    pulled[retracts] = -wipes.standing[path[pulls[retracts]]]
+    pulled[own == MoveKind.WIPE] = -wipes.moving
+    pulled[-1] = -printer.retract_length
+    return pulls, pulled
 
 
 class _TravelEnds(Struct, frozen=True, eq=False):

@@ -43,6 +43,7 @@ CELL: Final = 0.25
 
 _SUPPORT_REACH: Final = 1  # cells; an extrusion may be supported by the print this far to each side
 _MAX_WIDTH: Final = 2.0  # mm; maximum marked width of an extrusion, however much filament is fed
+_PIECES_AT_ONCE: Final = 1 << 16  # whose cells are computed
 _MAP_MARGIN: Final = 2.0  # mm around the area that the nozzle can reach
 
 
@@ -134,11 +135,15 @@ class HeightMap:
 
     def cells(self, pieces: MovePieces) -> Int:
         """Return the index (P,) of the cell that contains each piece."""
-        # Rounding towards 0 is cheap: pieces less than a cell outside fall into edge cells, which are empty.
-        column = ((pieces.x - self._left) * (1 / CELL)).astype(np.int64)
-        row = ((pieces.y - self._front) * (1 / CELL)).astype(np.int64)
-        inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
-        return np.where(inside, row * self._wide + column, self._outside)
+        result = np.zeros(len(pieces.x), np.int64)
+        for first in range(0, len(result), _PIECES_AT_ONCE):
+            some = slice(first, first + _PIECES_AT_ONCE)
+            # Rounding towards 0 is cheap: pieces less than a cell outside fall into edge cells, which are empty.
+            column = ((pieces.x[some] - self._left) * (1 / CELL)).astype(np.int64)
+            row = ((pieces.y[some] - self._front) * (1 / CELL)).astype(np.int64)
+            inside = (column >= 0) & (column < self._wide) & (row >= 0) & (row < self._deep)
+            result[some] = np.where(inside, row * self._wide + column, self._outside)
+        return result
 
     def depth_below_print(self, cell: Int, z: Float) -> Float:
         """Return how far (P,), mm, heights z are below the top of the print in cells; negative above."""
