@@ -790,10 +790,7 @@ namespace Clipper2Lib {
       std::stable_sort(minima_list_.begin(), minima_list_.end(), LocMinSorter()); //#594
       minima_list_sorted_ = true;
     }
-    LocalMinimaList::const_reverse_iterator i;
-    for (i = minima_list_.rbegin(); i != minima_list_.rend(); ++i)
-      InsertScanline((*i)->vertex->pt.y);
-
+    // printer_slicer: PopScanline finds the local minima in the list, so the heap holds only tops of edges
     current_locmin_iter_ = minima_list_.begin();
     actives_ = nullptr;
     sel_ = nullptr;
@@ -862,9 +859,11 @@ namespace Clipper2Lib {
 
   bool ClipperBase::PopScanline(int64_t& y)
   {
-    if (scanline_list_.empty()) return false;
-    y = scanline_list_.top();
-    scanline_list_.pop();
+    // printer_slicer: the next local minimum, or the next top of an edge
+    const bool has_minima = current_locmin_iter_ != minima_list_.end();
+    if (scanline_list_.empty() && !has_minima) return false;
+    y = has_minima ? (*current_locmin_iter_)->vertex->pt.y : scanline_list_.top();
+    if (!scanline_list_.empty() && scanline_list_.top() > y) y = scanline_list_.top();
     while (!scanline_list_.empty() && y == scanline_list_.top())
       scanline_list_.pop();  // Pop duplicates.
     return true;
@@ -2389,16 +2388,22 @@ namespace Clipper2Lib {
 
   bool ClipperBase::BuildIntersectList(const int64_t top_y)
   {
+    is_in_order_ = false; // printer_slicer
     if (!actives_ || !actives_->next_in_ael) return false;
 
+    // printer_slicer: nothing crosses if the edges are still in order, as they mostly are
+    is_in_order_ = true;
+    int64_t last_x = actives_->curr_x = TopX(*actives_, top_y);
+    for (Active* e = actives_->next_in_ael; e; e = e->next_in_ael)
+    {
+      e->curr_x = TopX(*e, top_y);
+      is_in_order_ &= last_x <= e->curr_x;
+      last_x = e->curr_x;
+    }
+    if (is_in_order_) return false;
     //Calculate edge positions at the top of the current scanbeam, and from this
     //we will determine the intersections required to reach these new positions.
     AdjustCurrXAndCopyToSEL(top_y);
-    // printer_slicer: nothing crosses if the edges are still in order, as they mostly are
-    const Active* sorted = sel_;
-    while (sorted->next_in_sel && sorted->curr_x <= sorted->next_in_sel->curr_x)
-      sorted = sorted->next_in_sel;
-    if (!sorted->next_in_sel) return false;
     //Find all edge intersections in the current scanbeam using a stable merge
     //sort that ensures only adjacent edges are intersecting. Intersect info is
     //stored in FIntersectList ready to be processed in ProcessIntersectList.
@@ -2734,7 +2739,7 @@ namespace Clipper2Lib {
             PushHorz(*e);  // horizontals are processed later
         }
       }
-      else // i.e. not the top of the edge
+      else if (!is_in_order_) // printer_slicer: else BuildIntersectList has done this
         e->curr_x = TopX(*e, y);
 
       e = e->next_in_ael;

@@ -198,6 +198,7 @@ namespace Clipper2Lib {
 		int64_t bot_y_ = 0;
 		bool minima_list_sorted_ = false;
 		bool using_polytree_ = false;
+		bool is_in_order_ = false; // printer_slicer: at the top of the scanbeam, all edges have their positions, and none crossed
 		Active* actives_ = nullptr;
 		Active *sel_ = nullptr;
 		LocalMinimaList minima_list_;		//pointers in case of memory reallocs
