@@ -70,21 +70,25 @@ def _slow_down(
     """
     speed, seconds = motion
     least, layer = profile.material.min_layer_time, group[program.layer]
+    here = slice(None)  # only moves of layers that may be too short
     for _ in range(_MAX_ROUNDS):
-        total = np.bincount(layer, weights=seconds)
-        slowable = np.bincount(layer, weights=seconds * may_slow)
+        before, able = speed[here], may_slow[here]
+        total = np.bincount(layer[here], weights=seconds[here])
+        slowable = np.bincount(layer[here], weights=seconds[here] * able)
         room = least - (total - slowable)
         short = (total < least * _ENOUGH_RATIO) & (slowable > 0)
         if not short.any():
             break
-        factor = np.where(short, slowable / np.maximum(room, 1e-9), 1.0)[layer]
-        slower = np.where(may_slow & (factor < 1), np.maximum(speed * factor, floor), speed)
-        changed = slower < speed * _ENOUGH_RATIO
-        if not changed.any():  # layers that are still too short are at their lowest speed
+        factor = np.where(short, slowable / np.maximum(room, 1e-9), 1.0)[layer[here]]
+        slower = np.where(able & (factor < 1), np.maximum(before * factor, floor[here]), before)
+        if not (slower < before * _ENOUGH_RATIO).any():  # layers still too short are at their lowest speed
             break
-        changed_layers = program.layer[slower < speed][[0, -1]]
-        speed = slower
+        changed_layers = program.layer[here][slower < before][[0, -1]]
+        speed = speed.copy()
+        speed[here] = slower
         seconds = retime_moves(program, seconds, speed, changed_layers, profile)
+        # Slower moves never take less time, so no other layer becomes too short.
+        here = slice(*np.searchsorted(layer, np.flatnonzero(short)[[0, -1]] + [0, 1]).tolist())
     return speed, seconds
 
 
