@@ -19,6 +19,8 @@ PyObject* find_unsupported_pieces(PyObject*, PyObject* arguments);  // height_ma
 PyObject* format_move_rows(PyObject*, PyObject* arguments);         // move_rows.cpp
 PyObject* inner_edges(PyObject*, PyObject* arguments);              // inner_edges.cpp
 PyObject* label_components(PyObject*, PyObject* arguments);         // keys.cpp
+PyObject* make_blocks(PyObject*, PyObject* arguments);              // move_blocks.cpp
+PyObject* match_edges(PyObject*, PyObject* arguments);              // keys.cpp
 PyObject* miter_areas(PyObject*, PyObject* arguments);              // mitering.cpp
 PyObject* nearest_marked(PyObject*, PyObject* arguments);           // nearest_marked.cpp
 PyObject* nearest_segments(PyObject*, PyObject* arguments);         // polyline_tree.cpp
@@ -31,6 +33,8 @@ PyObject* points_to_keep(PyObject*, PyObject* arguments);           // points_to
 PyObject* query_polyline_tree(PyObject*, PyObject* arguments);      // polyline_tree.cpp
 PyObject* raise_height_map(PyObject*, PyObject* arguments);         // height_map.cpp
 PyObject* read_elements(PyObject*, PyObject* arguments);            // element_runs.cpp
+PyObject* remove_spikes(PyObject*, PyObject* arguments);            // spikes.cpp
+PyObject* ring_areas(PyObject*, PyObject* arguments);               // spikes.cpp
 PyObject* split_moves(PyObject*, PyObject* arguments);              // height_map.cpp
 PyObject* voronoi_diagrams(PyObject*, PyObject* arguments);         // voronoi.cpp
 PyObject* weld_keys(PyObject*, PyObject* keys);                     // keys.cpp

@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 7;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 8;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -24,6 +24,8 @@ PyMethodDef methods[] = {
     {"format_move_rows", format_move_rows, METH_VARARGS, "Format rows of moves; see kernel.py."},
     {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
     {"label_components", label_components, METH_VARARGS, "Label connected components; see kernel.py."},
+    {"make_blocks", make_blocks, METH_VARARGS, "Build blocks of moves; see kernel.py."},
+    {"match_edges", match_edges, METH_VARARGS, "Match the edges of facets; see kernel.py."},
     {"miter_areas", miter_areas, METH_VARARGS, "Move outlines with mitered corners; see kernel.py."},
     {"nearest_marked", nearest_marked, METH_VARARGS, "Find the nearest marked item along links; see kernel.py."},
     {"nearest_segments", nearest_segments, METH_VARARGS, "Find the segments nearest to points; see kernel.py."},
@@ -36,6 +38,8 @@ PyMethodDef methods[] = {
     {"query_polyline_tree", query_polyline_tree, METH_VARARGS, "Find the segments near boxes; see kernel.py."},
     {"raise_height_map", raise_height_map, METH_VARARGS, "Add extrusions to a height map; see kernel.py."},
     {"read_elements", read_elements, METH_VARARGS, "Read the numbers of XML elements; see kernel.py."},
+    {"remove_spikes", remove_spikes, METH_VARARGS, "Remove spikes of outlines; see kernel.py."},
+    {"ring_areas", ring_areas, METH_VARARGS, "Compute the areas of rings; see kernel.py."},
     {"split_moves", split_moves, METH_VARARGS, "Split moves into short pieces; see kernel.py."},
     {"voronoi_diagrams", voronoi_diagrams, METH_VARARGS, "Compute segment Voronoi diagrams; see kernel.py."},
     {"weld_keys", weld_keys, METH_O, "Number equal keys; see kernel.py."},

@@ -1,5 +1,5 @@
-// Keys of corners, numbers of equal keys, and connected components. The twins are in printer_slicer/geometry:
-// connectivity.py and facet_topology.py.
+// Keys of corners, numbers of equal keys, connected components, and edges of facets. The twins are in printer_slicer:
+// geometry/connectivity.py, geometry/facet_topology.py and healing/soundness.py.
 
 #include <algorithm>
 #include <cstring>
@@ -84,6 +84,70 @@ std::vector<std::int64_t> label(const std::int32_t* one, const std::int32_t* oth
   return result;
 }
 
+// An edge between facets.
+struct Edge {
+  std::uint64_t key;
+  std::int32_t up, down;  // the last facet that uses it towards the corner with the higher key, and away from it
+  std::int32_t count, n_up;
+};
+
+// Edges of a block of facets without a partner in the block, as `_Edges` in soundness.py.
+struct Unmatched {
+  std::vector<std::uint64_t> key;
+  std::vector<std::uint8_t> upward;
+  std::vector<std::int32_t> piece;
+  std::vector<std::int64_t> n_pieces;
+};
+
+// Returns the number of the edge at each corner, and appends the edges; tag has the keys of the corners of n facets.
+std::vector<std::int32_t> number_edges(const std::vector<std::uint64_t>& tag, std::size_t n, std::vector<Edge>* edges) {
+  int bits = 4;
+  while ((std::size_t{1} << bits) < 6 * n) ++bits;
+  const std::size_t mask = (std::size_t{1} << bits) - 1;
+  std::vector<std::int32_t> table(mask + 1, -1), result(3 * n);
+  edges->reserve(2 * n);
+  for (std::size_t i = 0; i < 3 * n; ++i) {
+    const std::uint64_t one = tag[i], other = tag[i < 2 * n ? i + n : i - 2 * n];
+    std::uint64_t key = (std::min(one, other) * FACTORS[3]) ^ std::max(one, other);
+    key = (key ^ (key >> 32)) * FACTORS[3];
+    std::size_t slot = (key * SPREAD) >> (64 - bits);
+    while (table[slot] >= 0 && (*edges)[table[slot]].key != key) slot = (slot + 1) & mask;
+    if (table[slot] < 0) {
+      table[slot] = static_cast<std::int32_t>(edges->size());
+      edges->push_back({key, 0, 0, 0, 0});
+    }
+    result[i] = table[slot];
+    Edge& edge = (*edges)[table[slot]];
+    (one < other ? edge.up : edge.down) = static_cast<std::int32_t>(i % n);
+    ++edge.count;
+    edge.n_up += one < other;
+  }
+  return result;
+}
+
+Unmatched match(const std::vector<std::uint64_t>& tag, std::size_t n) {
+  std::vector<Edge> edges;
+  const std::vector<std::int32_t> number = number_edges(tag, n, &edges);
+  std::vector<std::int32_t> one, other;
+  const auto is_joined = [](const Edge& edge) { return edge.count == 2 && edge.n_up == 1; };
+  for (const Edge& edge : edges)
+    if (is_joined(edge)) {
+      one.push_back(edge.up);
+      other.push_back(edge.down);
+    }
+  const std::vector<std::int64_t> piece = label(one.data(), other.data(), one.size(), n);
+  Unmatched result;
+  for (std::size_t i = 0; i < 3 * n; ++i) {
+    const Edge& edge = edges[number[i]];
+    if (is_joined(edge)) continue;
+    result.key.push_back(edge.key);
+    result.upward.push_back(tag[i] < tag[i < 2 * n ? i + n : i - 2 * n]);
+    result.piece.push_back(static_cast<std::int32_t>(piece[i % n]));
+  }
+  result.n_pieces.push_back(n ? *std::max_element(piece.begin(), piece.end()) + 1 : 0);
+  return result;
+}
+
 }  // namespace
 
 PyObject* coordinate_keys(PyObject*, PyObject* arguments) {
@@ -118,6 +182,24 @@ PyObject* label_components(PyObject*, PyObject* arguments) {
     result = label(one.data(), other.data(), one.size(), static_cast<std::size_t>(n));
   });
   return succeeded ? to_bytes(result) : nullptr;
+}
+
+PyObject* match_edges(PyObject*, PyObject* arguments) {
+  PyObject* objects[3];
+  if (!PyArg_ParseTuple(arguments, "OOO:match_edges", &objects[0], &objects[1], &objects[2])) return nullptr;
+  const Numbers x(objects[0]), y(objects[1]), z(objects[2]);
+  if (!z.valid()) return nullptr;
+  Unmatched result;
+  const bool succeeded = run([&] {
+    if (!x.is_whole() || !y.is_whole() || !z.is_whole() || x.size() != y.size() || y.size() != z.size() || x.size() % 3)
+      throw Invalid{"the coordinates do not match"};
+    if (x.size() > std::numeric_limits<std::int32_t>::max()) throw Invalid{"there are too many facets"};
+    std::vector<std::uint64_t> tag;
+    tag.reserve(x.size());
+    for (std::size_t i = 0; i < x.size(); ++i) tag.push_back(key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
+    result = match(tag, x.size() / 3);
+  });
+  return succeeded ? to_tuple(result.key, result.upward, result.piece, result.n_pieces) : nullptr;
 }
 
 PyObject* weld_keys(PyObject*, PyObject* keys) {

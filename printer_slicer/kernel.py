@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 7  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 8  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -249,6 +249,41 @@ class Kernel(Protocol):
             ValueError: the arrays do not match, or an item does not exist.
         """
 
+    def make_blocks(
+        self, delta: Buffer, speed: Buffer, acceleration: Buffer, limits: Buffer, /
+    ) -> tuple[bytes, bytes, bytes, bytes, bytes, bytes]:
+        """Build blocks of moves and limit the speeds at their corners; see `printer_slicer.motion.vectorized`.
+
+        Args:
+            delta: (K, 4) float64.
+            speed: (K,) float64.
+            acceleration: (K,) float64, or (0,) for that of the limits.
+            limits: (18,) float64: shortest length, lowest speed, accelerations of extrusions, travels and retractions,
+                shortest time, and for each axis speed, acceleration and jerk.
+
+        Returns:
+            The indices (B,) of the moves that are not zero as int64, and their length, speed, acceleration, share and
+            squared corner speed.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
+    def match_edges(self, x: Buffer, y: Buffer, z: Buffer, /) -> tuple[bytes, bytes, bytes, bytes]:
+        """Match the edges of n facets; see `printer_slicer.healing.soundness`.
+
+        Args:
+            x: (3 n,) float64 of the first corners of all facets, then of the second and of the third corners.
+            y: (3 n,) float64.
+            z: (3 n,) float64.
+
+        Returns:
+            Key, direction and piece of each unmatched edge as uint64, bool and int32, and the number of pieces (1,).
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
     def miter_areas(
         self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, distance: Buffer, limit: float, /
     ) -> tuple[bytes, bytes, bytes]:
@@ -450,6 +485,25 @@ class Kernel(Protocol):
 
         Returns:
             The numbers as int64 or float64; None if the text is not in this form.
+        """
+
+    def remove_spikes(
+        self, xy: Buffer, ring_start: Buffer, ring_layer: Buffer, /
+    ) -> tuple[bytes, bytes, bytes] | None:
+        """Remove the spikes of areas; see `printer_slicer.geometry.spikes`.
+
+        Returns:
+            Points, offsets and layers of the rings that are left; None if there are no spikes.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
+    def ring_areas(self, xy: Buffer, ring_start: Buffer, /) -> bytes:
+        """Return the signed area (R,) of each ring, as `Areas.ring_area` does.
+
+        Raises:
+            ValueError: the arrays do not match.
         """
 
     def split_moves(self, start: Buffer, end: Buffer, /) -> tuple[bytes, bytes, bytes, bytes, bytes]:

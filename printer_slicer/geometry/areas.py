@@ -18,6 +18,7 @@ from printer_slicer.arrays import (
     previous_in_ring,
 )
 from printer_slicer.deprecation import renamed_method
+from printer_slicer.kernel import load_kernel
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, force_setattr
 
@@ -63,6 +64,17 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
         sizes = np.array([0, *(len(ring) for _, ring in kept)], dtype=np.int64)
         xy = np.concatenate([ring for _, ring in kept]) if kept else np.zeros((0, 2))
         return cls(xy, np.cumsum(sizes), np.array([layer for layer, _ in kept], dtype=np.int64), len(rings))
+
+    @classmethod
+    def from_buffers(cls, made: tuple[bytes, bytes, bytes], n_layers: int) -> Areas:
+        """Return a stack of rings that the compiled kernel made: points, offsets and layers."""
+        xy, start, layer = made
+        return cls(
+            np.frombuffer(xy).reshape(-1, 2),
+            np.frombuffer(start, np.int64),
+            np.frombuffer(layer, np.int64),
+            n_layers,
+        )
 
     @property
     def n_rings(self) -> int:
@@ -114,6 +126,9 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
         """Return the signed area (R,) of each ring, mm²: positive for solids, negative for holes."""
         if self.n_rings == 0:
             return np.zeros(0)
+        kernel = load_kernel()
+        if kernel:
+            return np.frombuffer(kernel.ring_areas(self.xy, self.ring_start))
         start, sizes = self.ring_start[:-1], np.diff(self.ring_start)
         # Coordinates relative to the first point of each ring: far from the origin the shoelace sum loses digits.
         x, y = (column - np.repeat(column[start], sizes) for column in np.ascontiguousarray(self.xy.T))

@@ -86,7 +86,7 @@ def combine(operation: Operation, a: Areas, b: Areas) -> Areas:
 def _combine_once(operation: Operation, a: Areas, b: Areas) -> Areas:
     """Combine the layers; union only once."""
     parts = (array for areas in (a, b) for array in (areas.xy, areas.ring_start, areas.ring_layer))
-    return _to_areas(_kernel().combine_areas(_OPERATIONS.index(operation), *parts), a.n_layers)
+    return Areas.from_buffers(_kernel().combine_areas(_OPERATIONS.index(operation), *parts), a.n_layers)
 
 
 def offset(layers: Areas, distance: Float, join: Join) -> Areas:
@@ -107,7 +107,7 @@ def _miter(layers: Areas, distance: Float, limit: float) -> Areas:
     made = _kernel().miter_areas(
         layers.xy, layers.ring_start, layers.ring_layer, distance[layers.ring_layer], limit
     )
-    return _to_areas(made, layers.n_layers)
+    return Areas.from_buffers(made, layers.n_layers)
 
 
 def outlines_within(outlines: Areas, layers: Areas) -> OpenLines:
@@ -129,14 +129,3 @@ def _kernel() -> Kernel:
     kernel = load_kernel()
     assert kernel is not None
     return kernel
-
-
-def _to_areas(made: tuple[bytes, bytes, bytes], n_layers: int) -> Areas:
-    """Return the rings that the kernel made."""
-    xy, start, layer = made
-    return Areas(
-        np.frombuffer(xy).reshape(-1, 2),
-        np.frombuffer(start, np.int64),
-        np.frombuffer(layer, np.int64),
-        n_layers,
-    )

@@ -29,6 +29,10 @@ def remove_spikes(areas: Areas) -> Areas:
         areas: rings on the grid of the engines. A spike is at most two grid steps wide. A ring without area is at most
             one step wide on average.
     """
+    kernel = load_kernel()
+    if kernel:
+        made = kernel.remove_spikes(areas.xy, areas.ring_start, areas.ring_layer)
+        return Areas.from_buffers(made, areas.n_layers) if made else areas
     spikes = is_spike(areas)
     if not spikes.any():
         return areas

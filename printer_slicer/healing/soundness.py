@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry.connectivity import Index, label_components, weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
+from printer_slicer.kernel import load_kernel
 
 __all__ = ["is_sound"]
 
@@ -45,7 +46,7 @@ def is_sound(triangles: Float) -> bool:
     bottom = float(triangles[:, :, 2].min(initial=0.0))
     for at in range(0, len(triangles), _FACETS_AT_ONCE):
         x, y, z = np.ascontiguousarray(triangles[at : at + _FACETS_AT_ONCE].transpose(2, 1, 0))
-        blocks.append(_match_edges(coordinate_keys(x.ravel(), y.ravel(), z.ravel()).reshape(3, -1)))
+        blocks.append(_match_edges(x.ravel(), y.ravel(), z.ravel()))
         # Sum the columns between the lowest corner and each facet; columns below facets that face down are negative.
         columns = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         columns *= z[0] + z[1] + z[2] - 3 * bottom
@@ -54,8 +55,16 @@ def is_sound(triangles: Float) -> bool:
     return volume > _MIN_VOLUME_RATIO * shaded and _is_one_closed_surface(blocks)
 
 
-def _match_edges(tag: _Keys) -> _Edges:
-    """Match the edges of a block of facets, given the keys of their corners (3, n); return the unmatched edges."""
+def _match_edges(x: Float, y: Float, z: Float) -> _Edges:
+    """Match the edges of a block of n facets, given the coordinates of their corners (3 n,), the first corners first.
+
+    Returns:
+        The unmatched edges.
+    """
+    kernel = load_kernel()
+    if kernel:
+        return _read_edges(kernel.match_edges(x, y, z))
+    tag = coordinate_keys(x, y, z).reshape(3, -1)
     key, upward = edge_keys(tag).ravel(), (tag < tag[[1, 2, 0]]).ravel()
     n = tag.shape[1]
     number, firsts = weld_keys(key)
@@ -67,6 +76,18 @@ def _match_edges(tag: _Keys) -> _Edges:
     piece = label_components(beside.compress(joined, axis=1), n)
     alone = np.flatnonzero(~joined[number])
     return _Edges(key[alone], upward[alone], piece[alone % n].astype(np.int32), int(piece.max()) + 1)
+
+
+def _read_edges(made: tuple[bytes, bytes, bytes, bytes]) -> _Edges:
+    """Return the edges that the compiled kernel found."""
+    key, upward, piece, pieces = made
+    n_pieces = int(np.frombuffer(pieces, np.int64)[0])
+    return _Edges(
+        np.frombuffer(key, np.uint64),
+        np.frombuffer(upward, np.bool_),
+        np.frombuffer(piece, np.int32),
+        n_pieces,
+    )
 
 
 def _is_one_closed_surface(blocks: list[_Edges]) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.kernel import load_kernel
+from printer_slicer.kernel import Kernel, load_kernel
 from printer_slicer.motion.blocks import (
     SHORTEST,
     SLOWEST,
@@ -191,6 +191,9 @@ def _make_blocks_and_corners(
     Moves are processed in batches, because their directions (`unit`) take the most memory; the result has none. The
     corner before the first block is not computed. Arguments are those of `plan_speeds`.
     """
+    kernel = load_kernel()
+    if kernel and limits.corner == "jerk":
+        return _make_blocks_in_kernel(kernel, (delta, speed, acceleration), limits)
     moving, parts, corners = [], [], [np.zeros(0)]
     last: Blocks | None = None
     for first in range(0, len(delta), _MOVES_AT_ONCE):
@@ -208,6 +211,22 @@ def _make_blocks_and_corners(
         parts.append(blocks.without_directions())
     joined = Blocks.joined(parts)
     return np.concatenate([np.zeros(0, np.int64), *moving]), joined, np.concatenate(corners)
+
+
+def _make_blocks_in_kernel(
+    kernel: Kernel, moves: tuple[Float, Float, Float | None], limits: MotionLimits
+) -> tuple[Int, Blocks, Float]:
+    """Make blocks and corners of moves (delta, speed, acceleration) with the compiled kernel."""
+    delta, speed, acceleration = (
+        np.ascontiguousarray(np.zeros(0) if column is None else column, np.float64) for column in moves
+    )
+    accelerations = limits.acceleration, limits.travel_acceleration, limits.retract_acceleration
+    axes = *limits.max_speed, *limits.max_acceleration, *limits.jerk
+    numbers = np.array([SHORTEST, SLOWEST, *accelerations, limits.min_segment_seconds, *axes], np.float64)
+    moving, *columns, corners = kernel.make_blocks(delta, speed, acceleration, numbers)
+    length, top_speed, top_acceleration, share = map(np.frombuffer, columns)
+    blocks = Blocks(length, _NO_DIRECTIONS, top_speed, top_acceleration, share)
+    return np.frombuffer(moving, np.int64), blocks, np.frombuffer(corners).copy()
 
 
 def _compute_corners_of_batch(last: Blocks | None, blocks: Blocks, limits: MotionLimits) -> Float:
