@@ -15,6 +15,7 @@ constexpr double PI = 3.141592653589793, CELL = 0.25, MAX_WIDTH = 2.0, NEGLIGIBL
 constexpr double MAX_FLATTENING = 3.0, SAME_HEIGHT = 0.02, MAX_SAG = 1.15, MIN_STRAIGHTNESS = 0.95;
 constexpr std::int64_t SUPPORT_REACH = 1, MAX_OVERHANG = 20, MARGIN = 3;  // cells
 constexpr double MOST_PIECES = 1e9;
+constexpr std::int64_t MOST_CELLS = 1 << 30;
 
 using Indices = std::vector<std::int64_t>;
 
@@ -132,8 +133,7 @@ std::vector<char> find_supported(const ReadMap& map, const Level& level, double 
 // Marks the pieces of bridges as held: straight lines over a gap, supported at both ends.
 void hold_bridges(const Level& level, const std::vector<char>& supported, std::vector<char>* held) {
   const std::size_t n = level.n_pieces;
-  std::vector<double> total(n + 1);
-  for (std::size_t i = 0; i < n; ++i) total[i + 1] = total[i] + level.length[i];
+  double total = 0, before;  // length of all pieces so far, and of those before the gap
   const auto continues = [&](std::size_t i) {  // whether the path goes on at piece i
     if (level.move[i] <= level.move[i - 1]) return true;
     const Place &from = level.end[level.move[i - 1]], &to = level.start[level.move[i]];
@@ -141,13 +141,15 @@ void hold_bridges(const Level& level, const std::vector<char>& supported, std::v
   };
   for (std::size_t first = 0, last; first < n; first = last + 1) {
     last = first;
+    before = total;
+    total += level.length[first];
     if (supported[first]) continue;
-    while (last + 1 < n && !supported[last + 1] && continues(last + 1)) ++last;
+    while (last + 1 < n && !supported[last + 1] && continues(last + 1)) total += level.length[++last];
     if (!first || last + 1 == n || !supported[first - 1] || !supported[last + 1]) continue;
     if (!continues(first) || !continues(last + 1)) continue;
     const double chord =
         std::hypot(level.x[last] - level.x[first], level.y[last] - level.y[first]) + level.length[first];
-    if (chord >= MIN_STRAIGHTNESS * (total[last + 1] - total[first]))
+    if (chord >= MIN_STRAIGHTNESS * (total - before))
       std::fill(held->begin() + first, held->begin() + last + 1, 1);
   }
 }
@@ -163,21 +165,22 @@ std::vector<char> find_near(const Level& level, std::int64_t wide, const std::ve
     right = std::max(right, column);
   }
   const std::int64_t width = right - left + 1 + 2 * MARGIN, depth = bottom - top + 1 + 2 * MARGIN;
+  if (width > MOST_CELLS / depth) throw Invalid{"the height map is too large"};
   Indices beside;
   for (std::int64_t row = -1; row <= 1; ++row)
     for (std::int64_t column = -1; column <= 1; ++column) beside.push_back(row * width + column);
   enum : char { EMPTY, FILLED, REACHED };
   std::vector<char> state(static_cast<std::size_t>(width * depth), EMPTY);
-  Indices place(level.n_pieces), reached, next;
+  std::vector<std::int32_t> place(level.n_pieces), reached, next;
   for (std::size_t i = 0; i < level.n_pieces; ++i) {
     const std::int64_t row = level.cell[i] / wide - top, column = level.cell[i] % wide - left;
-    place[i] = (row + MARGIN) * width + column + MARGIN;
+    place[i] = static_cast<std::int32_t>((row + MARGIN) * width + column + MARGIN);
     for (const std::int64_t step : beside) state[place[i] + step] = FILLED;
   }
   const auto reach = [&](std::int64_t at) {
     if (state[at] != FILLED) return;
     state[at] = REACHED;
-    next.push_back(at);
+    next.push_back(static_cast<std::int32_t>(at));
   };
   for (std::size_t i = 0; i < level.n_pieces; ++i)
     if (seeds[i]) reach(place[i]);

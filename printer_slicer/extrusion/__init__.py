@@ -135,7 +135,7 @@ def _list_temperature_changes(
     If objects have different layer plans, the first change comes after the first layer of every object.
     """
     of_rule = np.array([one.material.nozzle_temperature for one in profiles])
-    layer_starts = np.flatnonzero(np.diff(program.layer, prepend=-1) > 0)
+    layer_starts = np.append(0, np.flatnonzero(program.layer[1:] > program.layer[:-1]) + 1)
     temperature = np.full(paths.plan.n_layers, material.nozzle_temperature, np.float64)
     own = roles_with(is_part=True)[paths.role]
     temperature[paths.layer[own]] = of_rule[paths.settings_id[own]]

@@ -14,7 +14,7 @@ from printer_slicer.values import Struct
 
 __all__ = ["SUPPORT_RATIOS", "MoveValues", "compute_move_values"]
 
-_BEADS_AT_ONCE = 1 << 16  # bounds the memory for intermediate values
+_BEADS_AT_ONCE = 1 << 14  # bounds the memory for intermediate values
 
 SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Support ratios for which there are settings of overhangs."""
