@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -10,6 +11,7 @@ import numpy as np
 
 from benchmarks.sizes import printable
 from printer_slicer.arrays import Float
+from printer_slicer.errors import UsageError
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh
@@ -18,7 +20,7 @@ from printer_slicer.profile import Profile
 from tests.parts import box, joined, loft
 from tests.supports.shapes import bracket, hook, mushroom, round_body, sphere_on_bed, table, tee
 
-__all__ = ["MADE", "TURNED", "arch", "figure", "support_parts", "turned"]
+__all__ = ["MADE", "TURNED", "arch", "figure", "read_rotation", "support_parts", "turned"]
 
 
 def arch(span: float = 50.0, depth: float = 16.0, height: float = 36.0) -> Mesh:
@@ -106,23 +108,59 @@ TURNED: Final[Mapping[str, tuple[str, tuple[float, float, float]]]] = {
 }
 """The model of each turned part, and its rotation about x, y and z, degrees."""
 
+_ROTATION: Final = re.compile(r"([xyz])(-?\d+(?:\.\d+)?)")
+
 
 def support_parts(models: Path | None, names: Sequence[str], profile: Profile) -> Iterator[Mesh]:
     """Return the named parts, or all that can be made, repaired and placed in the middle of the bed.
 
     Args:
         models: folder with the models of `TURNED`; None leaves these parts out.
-        names: of parts; empty: all.
+        names: of parts; empty: all. `NAME@x60z30` is the model NAME of the folder, turned by 60 degrees about x, then
+            by 30 degrees about z.
         profile: its printer has the bed.
+
+    Raises:
+        UsageError: a name is neither that of a part nor that of a turned model.
     """
     for name, make in MADE.items():
         if not names or name in names:
             yield _placed(make(), name, profile)
     files = {path.stem: path for path in sorted(models.iterdir())} if models else {}
-    for name, (model, degrees) in TURNED.items():
-        if model in files and (not names or name in names):
-            mesh, _ = printable(load_mesh(files[model]))
-            yield _placed(turned(mesh, degrees), name, profile)
+    for name, (model, degrees) in _find_turned(files, names).items():
+        mesh, _ = printable(load_mesh(files[model]))
+        yield _placed(turned(mesh, degrees), name, profile)
+
+
+def _find_turned(
+    files: Mapping[str, Path], names: Sequence[str]
+) -> dict[str, tuple[str, tuple[float, float, float]]]:
+    """Return model and rotation of the named parts, or of all known ones, for which there are files."""
+    known = {name: one for name, one in TURNED.items() if one[0] in files}
+    if not names:
+        return known
+    asked = {
+        name: known[name] if name in known else read_rotation(name) for name in names if name not in MADE
+    }
+    if missing := [model for model, _ in asked.values() if model not in files]:
+        raise UsageError(f"no model {', '.join(missing)}", remedy=f"Models: {', '.join(files)}")
+    return asked
+
+
+def read_rotation(name: str) -> tuple[str, tuple[float, float, float]]:
+    """Return the model and its rotation about x, y and z, degrees, of a name such as `benchy@x60z30`.
+
+    Raises:
+        UsageError: the name has another form.
+    """
+    model, _, text = name.partition("@")
+    angles = dict(_ROTATION.findall(text))
+    if not text or "".join(f"{axis}{angles[axis]}" for axis in "xyz" if axis in angles) != text:
+        raise UsageError(
+            f"no part {name}", remedy=f"Parts: {', '.join([*MADE, *TURNED])}, or MODEL@x60y20z30"
+        )
+    x, y, z = (float(angles.get(axis, 0)) for axis in "xyz")
+    return model, (x, y, z)
 
 
 def _placed(mesh: Mesh, name: str, profile: Profile) -> Mesh:

@@ -3,10 +3,11 @@
     python -m benchmarks.supports [--models DIR] [--plans uniform,adaptive] [--programs NAME,...] [--rounds N]
                                   [--json FILE] [--places] [part ...]
 
-Every part is sliced by us (columns, tree, auto), by PrusaSlicer (grid and snug, each with and without
-`dont_support_bridges`) and by CuraEngine (normal and tree), with the settings of one profile. `support_settings` lists
-what cannot be made equal. Figures come from the extrusions in the files and from the facets of the part, never from
-areas that a program declares. Peers' G-code is kept in `benchmarks/made/` and used again.
+A part is one of `support_parts`, or a model of the folder with a rotation, such as `benchy@x60z30`. Every part is
+sliced by us (columns, tree, auto), by PrusaSlicer (grid and snug, each with and without `dont_support_bridges`) and by
+CuraEngine (normal and tree), with the settings of one profile. `support_settings` lists what cannot be made equal.
+Figures come from the extrusions in the files and from the facets of the part, never from areas that a program declares.
+Peers' G-code is kept in `benchmarks/made/` and used again.
 
 With `--rounds N`, the CPU time that supports add is measured: whole programs with supports minus without, in turn, the
 least of N rounds.
@@ -129,7 +130,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     results: list[Result] = []
     for plan in options.plans.split(","):
         profile = _profile(options, plan)
-        programs = _programs(plan, prusa, cura)
+        programs = _programs(plan, prusa, cura, options.set)
         wanted = options.programs.split(",") if options.programs else list(programs)
         if unknown := [name for name in wanted if name not in programs]:
             sys.exit(f"no program {', '.join(unknown)}; known programs: {', '.join(programs)}")
@@ -183,9 +184,14 @@ def _prepare(mesh: Mesh, plan: str, profile: Profile) -> _Job:
 # Programs
 
 
-def _programs(plan: str, prusa: PrusaSlicer | None, cura: CuraEngine | None) -> dict[str, Slice]:
-    """Return the programs that slice a part with supports, and "off" or "name, off" without."""
-    found: dict[str, Slice] = {style: _our_slice(style, plan) for style in (*_OURS, "off")}
+def _programs(
+    plan: str, prusa: PrusaSlicer | None, cura: CuraEngine | None, typed: Sequence[str] = ()
+) -> dict[str, Slice]:
+    """Return the programs that slice a part with supports, and "off" or "name, off" without.
+
+    `typed` are changes of settings, KEY=VALUE, for our program; peers get theirs from the profile of the part.
+    """
+    found: dict[str, Slice] = {style: _our_slice(style, plan, typed) for style in (*_OURS, "off")}
     if prusa:
         found["Prusa, off"] = _prusa_slice(plan, "", False)
         for style in ("grid", "snug"):
@@ -198,13 +204,14 @@ def _programs(plan: str, prusa: PrusaSlicer | None, cura: CuraEngine | None) -> 
     return found
 
 
-def _our_slice(style: str, plan: str) -> Slice:
+def _our_slice(style: str, plan: str, typed: Sequence[str]) -> Slice:
     def slice_it(part: Part) -> bytes:
         target = part.folder / f"{part.mesh.name}.{plan}.{style}.gcode"
         quality = part.profile.quality
         changes = dict(_NO_EXTRAS) | {"layer_height": quality.layer_height, "support": style}
         changes["first_layer_height"] = quality.first_layer_height
-        words = [word for key, value in changes.items() for word in ("--set", f"{key}={value}")]
+        all_changes = [*(f"{key}={value}" for key, value in changes.items()), *typed]
+        words = [word for change in all_changes for word in ("--set", change)]
         kind = "standard" if plan == "uniform" else "adaptive"
         run(ours("slice", str(part.stl), "-o", str(target), "--quality", kind, *words))
         return target.read_bytes()

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.support_beads import SupportFile, read_supports, support_seconds
 from benchmarks.support_figures import Figures, measure_supports
-from benchmarks.support_parts import arch, figure, turned
+from benchmarks.support_parts import arch, figure, read_rotation, support_parts, turned
 from benchmarks.support_solid import Solid, find_islands, find_overhang
 from printer_slicer import bead
+from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
+from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile
@@ -112,6 +115,19 @@ def test_turning_a_part_about_z_changes_nothing() -> None:
     areas = [find_overhang(Solid.of(turned(mushroom(), (0, 0, a))), 40, 10).area for a in (0, 17, 45)]
 
     assert areas == pytest.approx([areas[0]] * 3, rel=0.01)
+
+
+def test_a_model_is_turned_as_its_name_says(tmp_path: Path) -> None:
+    export_stl(box((10.0, 20.0, 30.0)), tmp_path / "block.stl")
+
+    (part,) = support_parts(tmp_path, ["block@x90z90"], load_profile())
+
+    assert part.name == "block@x90z90"
+    assert np.ptp(part.bounds, axis=0) == pytest.approx((30.0, 10.0, 20.0))
+    assert read_rotation("block@y-35.5") == ("block", (0.0, -35.5, 0.0))
+    for wrong in ("block", "block@60", "block@x60q", "other@x60"):
+        with pytest.raises(UsageError):
+            list(support_parts(tmp_path, [wrong], load_profile()))
 
 
 def test_islands_are_pieces_that_begin_in_the_air() -> None:
