@@ -71,6 +71,11 @@ class BeadSamples(Struct, frozen=True, eq=False):
         place = np.column_stack([self.x[which], self.y[which]]) + aside * self.across[self.bead[which]]
         return np.asarray(place.astype(np.float64) * self.grid.cell + (self.grid.x, self.grid.y))
 
+    def measure_distances(self, some: Int, others: Int) -> Float:
+        """Return the distances (k,) of samples (k,) from others (k,), mm."""
+        x, y = self.x[some] - self.x[others], self.y[some] - self.y[others]
+        return np.asarray(np.hypot(x, y) * self.grid.cell, np.float64)
+
     def cells(self, some: slice | Int, aside: float = 0.0) -> _Int32:
         """Return the cells (k,) of some samples, moved by `aside` widths to the left."""
         x, y = self.x[some], self.y[some]
@@ -88,18 +93,18 @@ def sample_beads(paths: Toolpaths, of_layers: Bool | None = None, cell: float = 
     begin, end = paths.ends_of_beads
     path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
     grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
-    if of_layers is not None:
-        some = of_layers[paths.layer[path]]
-        begin, end, path = begin[some], end[some], path[some]
     first = (paths.xy[begin] - (grid.x, grid.y)) / grid.cell
     way = (paths.xy[end] - paths.xy[begin]) / grid.cell
     length = np.hypot(*way.T)
     count = np.maximum(np.ceil(length / _STEP), 1.0).astype(np.int64)
+    if of_layers is not None:
+        count[~of_layers[paths.layer[path]]] = 0
     across = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
     across *= paths.width[begin][:, None] / grid.cell
     bead = np.repeat(np.arange(len(begin)), count)
-    step = (way / count[:, None]).astype(np.float32)
-    place = (first + way / (2 * count)[:, None]).astype(np.float32)
+    parts = np.maximum(count, 1)
+    step = (way / parts[:, None]).astype(np.float32)
+    place = (first + way / (2 * parts)[:, None]).astype(np.float32)
     number = consecutive(np.zeros(len(count), np.int64), count).astype(np.float32)
     x, y = (place[bead, axis] + number * step[bead, axis] for axis in range(2))
     of_path = path[bead]
@@ -110,7 +115,7 @@ def sample_beads(paths: Toolpaths, of_layers: Bool | None = None, cell: float = 
         across.astype(np.float32),
         bead,
         of_path,
-        (length * (grid.cell / count))[bead],
+        (length * (grid.cell / parts))[bead],
         np.searchsorted(paths.layer[of_path], np.arange(paths.plan.n_layers + 1)),
     )
 
@@ -172,14 +177,15 @@ class PartBelow(Struct, frozen=True, eq=False):
 def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:
     """Return which samples (n,) lie on beads of the layer below or on the bed.
 
-    Layers without samples count as equal to the layer below, see `find_repeated_layers`.
+    Layers with beads, but without samples, count as equal to the layer below, see `find_repeated_layers`.
     """
     carried = np.zeros(samples.count, np.bool_)
     covered, start = BeadMap(samples), samples.layer_start.tolist()
     on_bed, gapless = _find_layers_on_bed(paths.plan), find_gapless_layers(paths.plan)
+    is_empty = np.bincount(paths.layer, minlength=paths.plan.n_layers) == 0
     for layer, (first, last) in enumerate(pairwise(start)):
         some = slice(first, last)
-        if last == first:
+        if last == first and not is_empty[layer]:
             continue
         carried[some] = True if on_bed[layer] else gapless[layer] and covered.carries(some)
         covered.mark(some)

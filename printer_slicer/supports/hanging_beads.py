@@ -17,14 +17,19 @@ from printer_slicer.supports.bead_samples import (
     find_carried,
     find_gapless_layers,
 )
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 __all__ = ["HangingRules", "find_hanging_beads", "keep_samples", "remove_hanging"]
 
-_SPANS: Final = 2.2  # row spacings, the longest stretch of a line that hangs between two carried ones
+_SPANS: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
 _LOOP_SPANS: Final = 1.8  # the same for loops, which are not straight
+_ENDS: Final = 0.72  # the same for the end of a line
+_TURN_SPANS: Final = 1.0  # the same for a stretch of a line that turns
+_RESTS: Final = 0.48  # of longer ends and turns, the length at each carried side that remains
+_STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
 _LEAST_OF_LOOP: Final = 1 / 3  # of its length that must be carried
 _LEAST_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
+_LARGE_LOOP: Final = 6.0  # mm
 _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
 
@@ -33,15 +38,19 @@ class HangingRules(Struct, frozen=True, eq=False):
 
     Attributes:
         part: what of the part carries beads.
-        span: length of a stretch of a line whose both ends are carried, mm.
+        span: length of a straight stretch of a line whose both ends are carried, mm.
+        turn_span: the same for a stretch that turns.
         loop_span: the same for a loop.
         end: length of a stretch at the end of a line, mm.
+        rest: length that remains of longer stretches beside what is carried, mm.
     """
 
     part: PartBelow
     span: float
+    turn_span: float
     loop_span: float
     end: float
+    rest: float
 
     @classmethod
     def of(cls, sections: Sections, layers: LayerPlan, quality: Quality) -> HangingRules:
@@ -49,7 +58,12 @@ class HangingRules(Struct, frozen=True, eq=False):
         part = PartBelow.of(sections, layers, quality.support_bottom_gap)
         spacing = quality.support_spacing
         span = max(_SPANS * spacing, quality.support_tip_distance)
-        return cls(part, span, min(_LOOP_SPANS * spacing, span), spacing)
+        loop_span = min(_LOOP_SPANS * spacing, span)
+        return cls(part, span, _TURN_SPANS * spacing, loop_span, _ENDS * spacing, _RESTS * spacing)
+
+    def for_columns(self) -> HangingRules:
+        """Return the rules by which beads get columns; shorter ends and turns are only cut."""
+        return replace(self, end=self.end / _ENDS, turn_span=self.span, rest=0.0)
 
     def find_hanging(self, samples: BeadSamples, paths: Toolpaths, some: slice, carried: Bool) -> Bool:
         """Return which (k,) of some samples belong to stretches that hang too far.
@@ -72,10 +86,16 @@ class HangingRules(Struct, frozen=True, eq=False):
         closed = paths.closed[of_run]
         _join_over_seams(size, of_run, closed & begins[first], closed & ends[last])
         at_end = (begins[first] | ends[last]) & ~closed
-        most = np.where(at_end, self.end, np.where(closed, self.loop_span, self.span))
+        chord = samples.measure_distances(some.start + first, some.start + last) + length[first]
+        inside = np.where(chord < _STRAIGHT * size, self.turn_span, self.span)
+        most = np.where(at_end, self.end, np.where(closed, self.loop_span, inside))
+        low = total[first] + np.where(begins[first] & ~closed, 0.0, self.rest)
+        high = total[last + 1] - np.where(ends[last] & ~closed, 0.0, self.rest)
+        longer = np.flatnonzero(size > most)
+        middle = (total[:-1] + total[1:]) / 2
         change = np.zeros(len(path) + 1, np.int64)
-        change[first[size > most]] += 1
-        change[last[size > most] + 1] -= 1
+        np.add.at(change, np.searchsorted(middle, low[longer]), 1)
+        np.add.at(change, np.searchsorted(middle, np.maximum(high, low)[longer]), -1)
         return np.asarray((np.cumsum(change[:-1]) > 0) | _mark_hardly_carried(paths, path, length, carried))
 
 
@@ -93,8 +113,9 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
     low = int(path[0])
     whole, part = (np.bincount(path - low, weight) for weight in (length, length * carried))
     numbers = np.arange(low, low + len(whole))
-    # Loops above the first layer may lie across its lines.
-    is_loop = paths.closed[numbers] & (paths.role[numbers] == Role.SUPPORT) & (paths.layer[numbers] > 1)
+    # Loops above the first layer may lie across its lines, if they are large.
+    across = (paths.layer[numbers] <= 1) & (whole > _LARGE_LOOP)
+    is_loop = paths.closed[numbers] & (paths.role[numbers] == Role.SUPPORT) & ~across
     little = part < np.where(is_loop, _LEAST_OF_LOOP, _LEAST_OF_LINE) * whole
     return np.asarray(little[path - low])
 

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float
+from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected, union
 from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile, Quality
-from printer_slicer.supports.bead_samples import find_repeated_layers, sample_beads
+from printer_slicer.supports.bead_samples import BeadSamples, find_repeated_layers, sample_beads
 from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.carrying import carry_beads, find_contact_areas, find_needed_paths
 from printer_slicer.supports.hanging_beads import (
@@ -63,19 +63,35 @@ def check_standing(
         return StandingSupports(supports, paths, none)
     rules = HangingRules.of(sections, paths.plan, profile.quality)
     samples = sample_beads(paths, ~find_repeated_layers(paths))
-    if not find_hanging_beads(samples, paths, rules).any():
+    hanging = find_hanging_beads(samples, paths, rules)
+    if not hanging.any():
         return StandingSupports(supports, paths, none)
-    supports, paths = _carry(supports, paths, (overhangs, sections, profile), rules)
-    paths, removed = _remove(paths, rules)
+    lowest = paths.layer[samples.path[hanging]].min()
+    suspect = np.arange(paths.plan.n_layers) >= lowest
+    made_for = overhangs, sections, profile
+    supports, paths, suspect = _carry(supports, paths, made_for, rules.for_columns(), suspect)
+    paths, removed = _remove(paths, rules, suspect)
     return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
 
-def _remove(paths: Toolpaths, rules: HangingRules) -> tuple[Toolpaths, Float]:
-    """Return the beads that stand, and the places (n, 3) of those that were taken out, mm."""
+def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
+    """Return samples of the beads in the layers of a mask (S,) and in those below them, and which (n,) hang.
+
+    In all other layers, all beads stand.
+    """
+    samples = sample_beads(paths, suspect | np.append(suspect[1:], False))
+    hanging = find_hanging_beads(samples, paths, rules)
+    return samples, hanging & suspect[paths.layer[samples.path]]
+
+
+def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolpaths, Float]:
+    """Return the beads that stand, and the places (n, 3) of those that were taken out, mm.
+
+    Only layers of a mask (S,) may have beads that hang, or lie above such beads.
+    """
     removed = [np.zeros((0, 3))]
     while paths.n_paths:
-        samples = sample_beads(paths)
-        hanging = find_hanging_beads(samples, paths, rules)
+        samples, hanging = _find_hanging(paths, rules, suspect)
         if not hanging.any():
             break
         kept = remove_hanging(samples, paths, hanging, rules)
@@ -90,14 +106,17 @@ def _carry(
     paths: Toolpaths,
     made_for: tuple[Overhangs, Sections, Profile],
     rules: HangingRules,
-) -> tuple[Supports, Toolpaths]:
-    """Put columns under hanging beads that are needed; return all areas and beads."""
+    suspect: Bool,
+) -> tuple[Supports, Toolpaths, Bool]:
+    """Put columns under hanging beads that are needed; return all areas and beads.
+
+    Beads hang only in layers of a mask (S,). The last result is that mask, with the layers of the new beads.
+    """
     overhangs, sections, profile = made_for
     quality, layers = profile.quality, supports.plan.layers
     blocked = None
     for _ in range(_ROUNDS):
-        samples = sample_beads(paths)
-        hanging = find_hanging_beads(samples, paths, rules)
+        samples, hanging = _find_hanging(paths, rules, suspect)
         kept = remove_hanging(samples, paths, hanging, rules)
         lost = np.zeros(layers.n_layers, np.bool_)
         lost[paths.layer[samples.path[~kept]]] = True
@@ -111,7 +130,8 @@ def _carry(
             break
         paths = Toolpaths.joined(layers, [paths, made.paths])
         supports = replace(supports, base=union(supports.base, made.area))
-    return supports, paths
+        suspect = suspect | np.isin(np.arange(layers.n_layers), made.paths.layer)
+    return supports, paths, suspect
 
 
 def _find_blocked(sections: Sections, layers: LayerPlan, quality: Quality) -> Areas:
