@@ -66,10 +66,13 @@ def check_standing(
     hanging = find_hanging_beads(samples, paths, rules)
     if not hanging.any():
         return StandingSupports(supports, paths, none)
-    lowest = paths.layer[samples.path[hanging]].min()
-    suspect = np.arange(paths.plan.n_layers) >= lowest
-    made_for = overhangs, sections, profile
-    supports, paths, suspect = _carry(supports, paths, made_for, rules.for_columns(), suspect)
+    suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
+    less = rules.for_columns()
+    hanging = find_hanging_beads(samples, paths, less)
+    if hanging.any():
+        above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[hanging]].min()
+        supports, paths, changed = _carry(supports, paths, (overhangs, sections, profile), less, above)
+        suspect |= changed
     paths, removed = _remove(paths, rules, suspect)
     return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
@@ -87,7 +90,7 @@ def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple
 def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolpaths, Float]:
     """Return the beads that stand, and the places (n, 3) of those that were taken out, mm.
 
-    Only layers of a mask (S,) may have beads that hang, or lie above such beads.
+    If all beads stand in the layers of a mask (S,), all beads stand.
     """
     removed = [np.zeros((0, 3))]
     while paths.n_paths:
@@ -97,6 +100,8 @@ def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolp
         kept = remove_hanging(samples, paths, hanging, rules)
         lost = np.flatnonzero(~kept)
         removed.append(np.column_stack([samples.points(lost), paths.z_top[samples.path[lost]]]))
+        suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[lost]])
+        suspect[1:] |= suspect[:-1].copy()
         paths = keep_samples(samples, paths, kept)
     return paths, np.concatenate(removed)
 
