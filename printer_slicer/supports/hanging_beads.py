@@ -19,7 +19,7 @@ from printer_slicer.supports.bead_samples import (
 )
 from printer_slicer.values import Struct, replace
 
-__all__ = ["HangingRules", "find_hanging_beads", "keep_samples", "remove_hanging"]
+__all__ = ["HangingRules", "find_carried_beads", "find_hanging_beads", "keep_samples", "remove_hanging"]
 
 _SPANS: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
 _LOOP_SPANS: Final = 1.8  # the same for loops, which are not straight
@@ -125,16 +125,20 @@ def find_hanging_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRul
 
     If none hangs, all beads stand, because those of the lowest layer do.
     """
-    every = slice(0, samples.count)
+    carried = find_carried_beads(samples, paths, rules)
+    return rules.find_hanging(samples, paths, slice(0, samples.count), carried)
+
+
+def find_carried_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRules) -> Bool:
+    """Return which samples (n,) lie on beads below, on the bed, or, if they would hang otherwise, on the part."""
     carried = find_carried(samples, paths)
     # Few beads lie on the part, so only those are compared with it that hang otherwise.
     suspect = np.zeros(paths.n_paths, np.bool_)
-    suspect[samples.path[rules.find_hanging(samples, paths, every, carried)]] = True
+    suspect[samples.path[rules.find_hanging(samples, paths, slice(0, samples.count), carried)]] = True
     left = np.flatnonzero(suspect[samples.path] & ~carried)
-    if not len(left):
-        return np.zeros(samples.count, np.bool_)
-    carried[left] = rules.part.carries(samples, left, paths.layer[samples.path[left]])
-    return rules.find_hanging(samples, paths, every, carried)
+    if len(left):
+        carried[left] = rules.part.carries(samples, left, paths.layer[samples.path[left]])
+    return carried
 
 
 def remove_hanging(samples: BeadSamples, paths: Toolpaths, hanging: Bool, rules: HangingRules) -> Bool:

@@ -15,6 +15,7 @@ from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.carrying import carry_beads, find_contact_areas, find_needed_paths
 from printer_slicer.supports.hanging_beads import (
     HangingRules,
+    find_carried_beads,
     find_hanging_beads,
     keep_samples,
     remove_hanging,
@@ -63,17 +64,22 @@ def check_standing(
         return StandingSupports(supports, paths, none)
     rules = HangingRules.of(sections, paths.plan, profile.quality)
     samples = sample_beads(paths, ~find_repeated_layers(paths))
-    hanging = find_hanging_beads(samples, paths, rules)
+    carried, every = find_carried_beads(samples, paths, rules), slice(0, samples.count)
+    hanging = rules.find_hanging(samples, paths, every, carried)
     if not hanging.any():
         return StandingSupports(supports, paths, none)
     suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
     less = rules.for_columns()
-    hanging = find_hanging_beads(samples, paths, less)
-    if hanging.any():
-        above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[hanging]].min()
+    large = less.find_hanging(samples, paths, every, carried)
+    if large.any():
+        above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
         supports, paths, changed = _carry(supports, paths, (overhangs, sections, profile), less, above)
         suspect |= changed
+    else:
+        none = _list_places(samples, paths, hanging)
+        paths, suspect = keep_samples(samples, paths, ~hanging), np.append(False, suspect[:-1])
     paths, removed = _remove(paths, rules, suspect)
+    removed = np.concatenate([none, removed])
     return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
 
@@ -98,12 +104,17 @@ def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolp
         if not hanging.any():
             break
         kept = remove_hanging(samples, paths, hanging, rules)
-        lost = np.flatnonzero(~kept)
-        removed.append(np.column_stack([samples.points(lost), paths.z_top[samples.path[lost]]]))
-        suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[lost]])
+        removed.append(_list_places(samples, paths, ~kept))
+        suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[~kept]])
         suspect[1:] |= suspect[:-1].copy()
         paths = keep_samples(samples, paths, kept)
     return paths, np.concatenate(removed)
+
+
+def _list_places(samples: BeadSamples, paths: Toolpaths, some: Bool) -> Float:
+    """Return the places (k, 3) of the samples of a mask (n,), mm."""
+    which = np.flatnonzero(some)
+    return np.column_stack([samples.points(which), paths.z_top[samples.path[which]]])
 
 
 def _carry(

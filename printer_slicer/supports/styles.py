@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -67,11 +67,20 @@ def make_supports(
         profile: style and other settings of supports.
         measure_times: print time of paths; only `auto` needs it.
     """
-    style = profile.quality.support
+    style, case = profile.quality.support, (overhangs, plan, sections, profile)
     if style in STYLES:
-        made = [_make(style, overhangs, plan, sections, profile)]
-    else:
-        made = _choose_styles(overhangs, plan, sections, profile, measure_times)
+        return _keep_what_stands([_make(style, *case)], *case)
+    return _choose_styles(*case, measure_times)
+
+
+def _keep_what_stands(
+    made: Sequence[PrintedSupports],
+    overhangs: Overhangs,
+    plan: SupportPlan,
+    sections: Sections,
+    profile: Profile,
+) -> PrintedSupports:
+    """Return all supports that were made, without what does not stand, and with the places that are bare."""
     supports = Supports.joined(plan, [one.supports for one in made])
     paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
     standing = check_standing(supports, paths, overhangs, sections, profile)
@@ -108,10 +117,11 @@ def _choose_styles(
     sections: Sections,
     profile: Profile,
     measure_times: GroupTimes,
-) -> list[PrintedSupports]:
+) -> PrintedSupports:
     """Return the cheapest of columns, trees, and both: columns for some groups, and trees that avoid them.
 
-    Trees are first grown for all groups in which they may be cheaper, then only where they were.
+    Trees are first grown for all groups in which they may be cheaper, then only where they were. Groups get trees, too,
+    if places are bare because their columns did not stand, and less is bare with trees.
     """
     columns = _make("columns", overhangs, plan, sections, profile)
     groups = group_patches(overhangs, columns.supports)
@@ -119,17 +129,23 @@ def _choose_styles(
     cost = price.of(columns)
     least = estimate_least_tree_costs(columns.supports, columns.paths, groups, profile)
     gets_tree, lowest, best = least < cost, cost.sum(), [columns]
+    case, has_tree = (overhangs, plan, sections, profile), np.zeros(groups.count, np.bool_)
     for _ in range(_MOST_DIVISIONS):
         if not gets_tree.any():
             break
         made = _make_both(gets_tree[groups.of_patch], overhangs, plan, sections, profile)
         found = np.sum([price.of(one) for one in made], axis=0)
         if found.sum() < lowest:
-            lowest, best = found.sum(), made
+            lowest, best, has_tree = found.sum(), made, gets_tree.copy()
         if np.minimum(found, cost).sum() > (1 - _LEAST_GAIN) * lowest:
             break
         gets_tree &= found < cost
-    return best
+    printed = _keep_what_stands(best, *case)
+    lost = price.of_bare(printed) > price.of_bare(*best)
+    if not (lost & ~has_tree).any():
+        return printed
+    other = _keep_what_stands(_make_both((lost | has_tree)[groups.of_patch], *case), *case)
+    return min(printed, other, key=lambda one: float(price.of(one).sum()))
 
 
 def _make_both(
@@ -163,9 +179,14 @@ class _Prices(Struct, frozen=True, eq=False):
         seconds = self.measure_times(paths, group, n, self.profile)
         grams = _measure_volumes(paths) * self.profile.material.density / 1000
         cost = seconds / 60 + self.profile.quality.support_gram_price * np.bincount(group, grams, n)
-        bare = made.supports.bare
+        return np.asarray(cost + self.of_bare(made))
+
+    def of_bare(self, *made: PrintedSupports) -> Float:
+        """Return the part (G,) of the cost that is due to places without support, of all supports together."""
+        bare = [place for one in made for place in one.supports.bare]
         at = self.groups.find(np.array([(place.x, place.y) for place in bare]).reshape(-1, 2))
-        return np.asarray(cost + np.bincount(at, [_price_bare_place(place) for place in bare], n))
+        prices = [_price_bare_place(place) for place in bare]
+        return np.asarray(np.bincount(at, prices, self.groups.count))
 
 
 def _price_bare_place(place: Bare) -> float:

@@ -7,10 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.support_parts import turned
 from printer_slicer.cli.support_facts import collect_support_facts
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.geometry import intersection, normalize, offset
-from printer_slicer.model import Areas, Overhangs, Sections, Toolpaths
+from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Toolpaths
 from printer_slicer.ordering import order
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
@@ -19,6 +20,8 @@ from printer_slicer.supports.groups import group_patches
 from printer_slicer.supports.styles import PrintedSupports, make_supports, measure_plastic
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.travels import travel
+from printer_slicer.values import replace
+from tests.parts import box, joined
 from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee
 from tests.supports.test_columns import prepared
 
@@ -60,6 +63,25 @@ def cost_of(name: str, style: str) -> float:
 )
 def test_auto_is_at_most_as_dear_as_the_better_style(name: str) -> None:
     assert cost_of(name, "auto") <= 1.02 * min(cost_of(name, "columns"), cost_of(name, "tree"))
+
+
+def leaning_wall() -> Mesh:
+    """A wall that leans back, with a ledge; columns below the ledge end in slim wedges above the wall."""
+    wall = joined([box((16.0, 4.0, 30.0)), box((16.0, 3.0, 2.0), (0.0, 3.0, 24.0))], "leaning wall")
+    up = turned(wall, (20, 0, 0))
+    return up.moved((0.0, 0.0, -float(up.bounds[0, 2])))
+
+
+def test_groups_whose_columns_do_not_stand_get_trees() -> None:
+    overhangs, plan, sections, profile = prepared(leaning_wall())
+
+    def bare_area(style: str) -> float:
+        chosen = replace(profile, quality=replace(profile.quality, support=style))
+        found = make_supports(overhangs, plan, sections, chosen, measure_group_times)
+        return sum(place.area for place in found.supports.bare)
+
+    assert bare_area("columns") > 20
+    assert bare_area("auto") < 3
 
 
 def test_a_low_plate_gets_columns_and_a_high_arm_trees() -> None:
