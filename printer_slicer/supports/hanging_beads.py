@@ -23,7 +23,7 @@ __all__ = ["HangingRules", "find_carried_beads", "find_hanging_beads", "keep_sam
 
 _SPANS: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
 _LOOP_SPANS: Final = 1.8  # the same for loops, which are not straight
-_ENDS: Final = 0.72  # the same for the end of a line
+_ENDS: Final = 0.6  # the same for the end of a line
 _TURN_SPANS: Final = 1.0  # the same for a stretch of a line that turns
 _RESTS: Final = 0.48  # of longer ends and turns, the length at each carried side that remains
 _STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
