@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import radians, tan
 from typing import Final
 
@@ -23,6 +24,7 @@ from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPl
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.interfaces import divide_columns
+from printer_slicer.supports.pieces import unite_layers
 from printer_slicer.values import Struct
 
 __all__ = ["find_contacts", "lay_columns"]
@@ -32,6 +34,9 @@ _ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, bu
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed where a contact is added
 _RESOLUTION: Final = 0.05  # mm of outlines
+_SEEN_SMOOTHING: Final = 1.0  # mm; narrower bays than twice this are closed in the outline seen from above
+_STRAIGHTENING: Final = 0.2  # mm; less than half an extrusion, so that extrusions lie on each other
+_LARGEST_STEP: Final = 0.35  # mm of an outline from strip to strip below a slope; larger ones stay
 _SLIVER: Final = 0.15  # mm; strips narrower than twice this are dropped
 _SLIMMEST: Final = 10.0  # height by width of a column that need not become wider
 _WIDE: Final = 5.0  # mm; wider columns need not become wider
@@ -136,10 +141,12 @@ class _Column(Struct):
 
     Attributes:
         area: the columns, as a stack of one layer.
+        outline: what their outlines are straightened to, as a stack of one layer.
         z: height above which they were made wide enough, mm.
     """
 
     area: Areas
+    outline: Areas
     z: float
 
 
@@ -149,20 +156,47 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
     Layers without contacts, in which the same is blocked as in the layer above, are as that layer.
     """
     n_layers, used, own = layers.n_layers, contacts.used, blocked.find_first_equal_layers()
-    column = _Column(Areas.empty(1), float(layers.top[-1]))
-    result: list[Areas] = []
+    column = _Column(Areas.empty(1), _find_straight_outline(contacts), float(layers.top[-1]))
+    entry, chosen, found = np.zeros(n_layers, np.int64), list[int](), list[tuple[Areas, Areas]]()
     for layer in range(n_layers - 1, -1, -1):
         at = np.array([layer])
         changed = used[layer] or (layer + 1 < n_layers and own[layer] != own[layer + 1])
         if used[layer]:
-            # Outlines of many strips below a slope would be jagged.
             area = union(column.area, contacts.copy_layers(at))
             column.area = simplify(offset(offset(area, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
         wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
-        if changed or wider:
+        if changed or wider or not found:
             column.area = offset_open(difference(column.area, blocked.copy_layers(at)), _SLIVER)
-        result.append(column.area.on_layers(at, n_layers))
-    return Areas.concatenate(result[::-1], n_layers)
+            chosen.append(layer)
+            found.append((column.area, column.outline))
+        entry[layer] = len(found) - 1
+    area, outline = (_stack(areas) for areas in zip(*found, strict=True))
+    return _straighten(area, outline, blocked.copy_layers(np.array(chosen))).copy_layers(entry)
+
+
+def _stack(areas: Sequence[Areas]) -> Areas:
+    """Return stacks of one layer as one stack."""
+    return Areas.concatenate(
+        [one.on_layers(np.array([layer]), len(areas)) for layer, one in enumerate(areas)], len(areas)
+    )
+
+
+def _find_straight_outline(contacts: Areas) -> Areas:
+    """Return the outline of all contacts, seen from above, without the steps between the strips below a slope."""
+    seen = unite_layers(contacts)
+    closed = offset(offset(seen, _SEEN_SMOOTHING), -_SEEN_SMOOTHING)
+    return normalize(simplify(closed, _LARGEST_STEP))
+
+
+def _straighten(columns: Areas, outline: Areas, blocked: Areas) -> Areas:
+    """Return columns whose edges lie on straight outlines, where they are near them.
+
+    Strips below a slope end at slightly different places, so the outline of many of them has teeth. The nozzle would
+    stop at each of them.
+    """
+    straight = intersection(offset(columns, _LARGEST_STEP), outline)
+    closed = offset(offset(straight, _SEEN_SMOOTHING), -_SEEN_SMOOTHING)
+    return offset_open(difference(simplify(closed, _STRAIGHTENING), blocked), _SLIVER)
 
 
 def _widen(column: _Column, z: float) -> bool:
@@ -176,6 +210,7 @@ def _widen(column: _Column, z: float) -> bool:
         return False
     wider = offset(pieces.on_layers(1, np.flatnonzero(slim)), step * _WIDENING)
     column.area = union(wider, pieces.on_layers(1, np.flatnonzero(~slim)))
+    column.outline = union(column.outline, wider)
     return True
 
 

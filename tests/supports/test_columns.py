@@ -15,8 +15,8 @@ from printer_slicer.supports import find_overhangs
 from printer_slicer.supports.columns import lay_columns
 from printer_slicer.supports.levels import plan_support_layers
 from printer_slicer.values import replace
-from tests.parts import layers
-from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, tee
+from tests.parts import box, joined, layers
+from tests.supports.shapes import bracket, hook, mushroom, round_body, sphere_on_bed, tee
 
 PARTS = {"tee": tee, "hook": hook, "sphere": sphere_on_bed, "mushroom": mushroom, "bracket": bracket}
 
@@ -82,6 +82,25 @@ def test_a_flat_overhang_gets_its_whole_area() -> None:
     )
     assert bare.area().sum() < 0.01
     assert supports.interface.area()[-1] == pytest.approx(top.area()[0], rel=0.01)
+
+
+def test_columns_below_slopes_have_straight_edges() -> None:
+    """The strips below a leaning rod end at other places in each layer; a nozzle stops at corners of 30 degrees."""
+    rod = round_body([(2.5, 0.0), (2.5, 30.0)], 48)
+    lean = np.deg2rad(65)
+    turn = np.array([(np.cos(lean), 0, np.sin(lean)), (0, 1, 0), (-np.sin(lean), 0, np.cos(lean))])
+    turn = np.array([(np.cos(0.2), -np.sin(0.2), 0), (np.sin(0.2), np.cos(0.2), 0), (0, 0, 1)]) @ turn
+    leaning = Mesh(rod.triangles @ turn.T + (0, 0, 8.0), "rod")
+    post = box((6.0, 6.0, 9.0), (-3.0, -3.0, 0.0))
+    supports, _, _ = columns_of(joined([leaning, post], "leaning rod"))
+
+    area = supports.area.copy_layers(np.array([8]))
+    way = area.xy[area.following] - area.xy
+    before = np.empty_like(way)
+    before[area.following] = way
+    turns = np.arctan2(before[:, 0] * way[:, 1] - before[:, 1] * way[:, 0], (before * way).sum(axis=1))
+    assert area.area()[0] > 30
+    assert (np.abs(turns) > np.deg2rad(30)).sum() < 15
 
 
 def test_columns_go_down_to_the_bed_or_the_part() -> None:
