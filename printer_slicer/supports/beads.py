@@ -19,6 +19,7 @@ from printer_slicer.geometry import (
     crosses_rings,
     difference,
     hatch,
+    hatch_evenly,
     intersection,
     normalize,
     offset,
@@ -42,7 +43,9 @@ _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.8  # widths; shorter lines are dropped
 _SHORTEST_CLOSED: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
 _LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
-_LONGEST_END: Final = 0.9  # mm by which lines of interfaces may reach beyond the lines below
+_LONGEST_END: Final = 0.75  # mm by which lines of interfaces may reach beyond the lines below
+_ALONG: Final = 20.0  # by which areas are stretched along rows, so that gaps are closed across rows only
+_FLOOR_GAPS: Final = 2.0  # gaps of interfaces between the lines of floors
 _WIDEST_GAP: Final = 1.25  # row spacings between two rows
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
 
@@ -79,7 +82,7 @@ def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
             *_lay_branches(supports, widths),
             _lay_joists(supports, widths),
             _lay_closed(*_trim_interface(supports, widths, profile), widths, layers, profile),
-            _lay_closed(supports.floor, np.full(supports.floor.n_rings, np.nan), widths, layers, profile),
+            _lay_floors(supports.floor, widths, layers, profile),
         ],
     )
 
@@ -125,12 +128,26 @@ def _trim_interface(supports: Supports, widths: _Widths, profile: Profile) -> tu
     lines, pieces, _ = hatch_bases(supports, columns, spacing)
     layer = pieces.layer[lines.layer]
     start, n = 2 * np.arange(lines.n_lines + 1), interface.n_layers
-    near = stroke_lines(lines.ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _LONGEST_END, n)
+    # Strokes have round ends, and rows end half a width inside the columns.
+    inward = np.minimum(widths.line[layer] + _LONGEST_END, lines.length() / 2)[:, None] * [1.0, 0.0]
+    ends = lines.ends + np.stack([inward, -inward], axis=1)
+    near = stroke_lines(ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _LONGEST_END, n)
     between = max(_WIDEST_GAP * spacing / 2 - _LONGEST_END, 0.0)
-    near = offset(offset(near, between), -between)  # what lies between two rows is carried by both
+    near = _close_across(near, between)  # what lies between two rows is carried by both
     slim = find_slim_columns(supports, spacing, widths.line).of_layers(interface.used)
     trimmed = intersection(interface, union(near, slim))
     return trimmed, np.full(trimmed.n_rings, np.nan)
+
+
+def _close_across(areas: Areas, distance: float) -> Areas:
+    """Return areas along x with the gaps closed that are narrower along y than twice a distance, mm."""
+    wide = _stretch(areas, _ALONG)
+    return _stretch(offset(offset(wide, distance), -distance), 1 / _ALONG)
+
+
+def _stretch(areas: Areas, factor: float) -> Areas:
+    """Return areas that are longer along x by a factor."""
+    return Areas(areas.xy * [factor, 1.0], areas.ring_start, areas.ring_layer, areas.n_layers)
 
 
 def _make_loops(layers: LayerPlan, loops: Areas, widths: _Widths) -> Toolpaths:
@@ -192,6 +209,14 @@ def _lay_closed(
         lines = hatch(offset(some, -widths.line / 2), angle=turn, spacing=spacing)
         laid.append(_join_lines(layers, lines, (some, every), widths, (spacing, Role.SUPPORT_INTERFACE)))
     return Toolpaths.joined(layers, laid)
+
+
+def _lay_floors(floor: Areas, widths: _Widths, layers: LayerPlan, profile: Profile) -> Toolpaths:
+    """Return the lines of the layers on the part, across those of the base; the outermost lie near the edges."""
+    pieces = split_connected(floor)
+    usual = widths.line[pieces.layer] + _FLOOR_GAPS * profile.quality.support_interface_spacing
+    lines, _, spacing, _ = hatch_evenly(pieces.areas, np.full(pieces.count, _ACROSS), usual)
+    return _join_lines(layers, lines, (floor, pieces.layer), widths, (spacing, Role.SUPPORT_INTERFACE))
 
 
 def _lay_branches(supports: Supports, widths: _Widths) -> list[Toolpaths]:

@@ -30,6 +30,7 @@ from printer_slicer.values import Struct
 __all__ = ["find_contacts", "lay_columns"]
 
 _CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
+_FLAT_GROWTH: Final = 0.1  # mm, the same below horizontal faces, beside which nothing is blocked
 _ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, but its support must not be one
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed where a contact is added
@@ -90,7 +91,8 @@ def find_contacts(
 ) -> Areas:
     """Return the areas by support layer under what hangs, as far as supports may be there.
 
-    They reach `growth` mm beyond what hangs. Gaps within a patch that are narrower than twice `closing` are closed.
+    They reach `growth` mm beyond slopes that hang, and less beyond horizontal faces. Gaps within a patch that are
+    narrower than twice `closing` are closed.
     """
     n_layers, area = plan.layers.n_layers, overhangs.area
     carrier = plan.carrier[area.ring_layer]
@@ -98,8 +100,11 @@ def find_contacts(
     rings = np.argsort(key, kind="stable")
     rings = rings[key[rings] >= 0]
     keys = distinct(key[rings])
-    entries = normalize(area.restacked(rings, np.searchsorted(keys, key[rings]), len(keys)))
-    grown = offset(offset(entries, growth + closing), -closing) if len(keys) else entries
+    number = np.searchsorted(keys, key[rings])
+    entries = normalize(area.restacked(rings, number, len(keys)))
+    slopes = np.bincount(number, ~overhangs.is_flat[area.ring_layer[rings]], len(keys))
+    growths = np.where(slopes, growth, min(growth, _FLAT_GROWTH))
+    grown = offset(offset(entries, growths + closing), -closing) if len(keys) else entries
     contacts = normalize(grown.on_layers(keys // max(overhangs.n_patches, 1), n_layers))
     own = plan.carrier[overhangs.islands.ring_layer]
     order = np.argsort(own, kind="stable")

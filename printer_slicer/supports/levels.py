@@ -67,7 +67,9 @@ def plan_support_layers(overhangs: Overhangs, profile: Profile) -> SupportPlan:
     return plan_shared_layers([(overhangs, profile)])[0]
 
 
-def plan_shared_layers(demands: Sequence[tuple[Overhangs, Profile]]) -> list[SupportPlan]:
+def plan_shared_layers(
+    demands: Sequence[tuple[Overhangs, Profile]], floors: Float | None = None
+) -> list[SupportPlan]:
     """Plan the layers of supports, from the bed to the highest overhang, which all objects share.
 
     The first layer is as high as that of the part. An overhang so low that no second layer fits is carried by the first
@@ -76,6 +78,7 @@ def plan_shared_layers(demands: Sequence[tuple[Overhangs, Profile]]) -> list[Sup
     Args:
         demands: what hangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
             heights, and the limits of the printer, are those of the first profile.
+        floors: (n,) heights above faces of the part at which supports begin, mm. A layer begins there if possible.
 
     Returns:
         A plan for each of `demands`, all with the same support layers.
@@ -85,6 +88,8 @@ def plan_shared_layers(demands: Sequence[tuple[Overhangs, Profile]]) -> list[Sup
     top = np.zeros(0)
     if len(together.layer):
         part = LayerPlan.union([overhangs.plan for overhangs, _ in demands])
+        if floors is not None and not demands[0][1].quality.support_sync:
+            together = _add_floors(together, floors)
         top = _choose_tops(together, part, float(part.top[0]), demands[0][1])
     found = [
         _find_carriers(own, overhangs.plan, top, profile.quality.support_gap)
@@ -136,6 +141,13 @@ def _find_contacts(overhangs: Overhangs, profile: Profile) -> _Contacts:
     wanted = overhangs.plan.bottom[layer] - quality.support_gap
     slack = np.where(overhangs.is_flat[layer], 0.0, quality.support_gap_slack)
     return _Contacts(layer, np.round(wanted, 7), slack, area[layer])
+
+
+def _add_floors(contacts: _Contacts, floors: Float) -> _Contacts:
+    """Return contacts and the heights at which supports begin, which count less than any contact."""
+    floors = distinct(np.round(floors[floors < contacts.wanted[-1] - _SAME], 7))
+    nothing = np.zeros(len(floors))
+    return _Contacts.joined([contacts, _Contacts(np.full(len(floors), -1), floors, nothing, nothing)])
 
 
 def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Profile) -> Float:

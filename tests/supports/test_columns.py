@@ -12,8 +12,10 @@ from printer_slicer.profile import Profile, load_profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 from printer_slicer.supports import find_overhangs
+from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.levels import plan_support_layers
+from printer_slicer.supports.landings import find_landings
+from printer_slicer.supports.levels import plan_shared_layers, plan_support_layers
 from printer_slicer.values import replace
 from tests.parts import box, joined, layers
 from tests.supports.shapes import bracket, hook, mushroom, round_body, sphere_on_bed, tee
@@ -111,6 +113,30 @@ def test_columns_go_down_to_the_bed_or_the_part() -> None:
     assert difference(areas, areas.shift_layers(1)).area()[1:].max() < 1e-3
     assert not onto_part.area.used[0]
     assert onto_part.floor.used.sum() == 1
+
+
+@pytest.mark.parametrize("gap", [0.2, 0.13])
+def test_floors_begin_at_the_gap_above_the_part_and_lie_over_it(gap: float) -> None:
+    overhangs, _, sections, profile = prepared(bracket(), support_bottom_gap=gap)
+    landings = find_landings(overhangs, sections)
+    plan = plan_shared_layers([(overhangs, profile)], landings + gap)[0]
+    supports = lay_columns(overhangs, plan, sections, profile)
+    paths = lay_support_beads(supports, profile)
+
+    assert landings == pytest.approx([4.0])
+    (layer,) = np.flatnonzero(supports.floor.used)
+    assert plan.layers.bottom[layer] == pytest.approx(4.0 + gap, abs=1e-6)
+    plate = sections.solid.copy_layers(np.array([5]))
+    (low,), (high,) = plate.boxes()
+    xy = paths.xy[np.repeat(paths.layer == layer, np.diff(paths.start))]
+    assert (xy.min(axis=0) >= low).all()
+    assert (xy.max(axis=0) <= high).all()
+
+
+def test_slopes_are_no_landings() -> None:
+    for part in (sphere_on_bed(), hook(), mushroom()):
+        overhangs, _, sections, _ = prepared(part)
+        assert not len(find_landings(overhangs, sections))
 
 
 def test_on_bed_only_leaves_what_stands_on_the_part_and_tells_it() -> None:

@@ -98,7 +98,7 @@ def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Fl
 
 @pytest.mark.parametrize(
     ("name", "style"),
-    [(name, style) for name in ("tee", "hook") for style in STYLE_NAMES] + [("table", "tree")],
+    [(name, style) for name in ("tee", "hook", "table", "mushroom") for style in STYLE_NAMES],
 )
 def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
     supports, paths, *rest = made(name, style)
@@ -108,19 +108,6 @@ def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
     assert standing.supports is supports
     assert standing.paths is paths
     assert not len(standing.removed)
-
-
-@pytest.mark.parametrize(("name", "most"), [("mushroom", 60), ("table", 20)])
-def test_only_short_ends_of_interfaces_beyond_the_rows_of_columns_are_taken_out(
-    name: str, most: float
-) -> None:
-    supports, paths, *rest = made(name, "columns")
-
-    standing = check_standing(supports, paths, *rest)
-    lost = float(paths.length().sum() - standing.paths.length().sum())
-
-    assert 0 < lost < most
-    assert np.array_equal(standing.supports.area.area(), supports.area.area())
 
 
 def check_random_solid(seed: int, style: str) -> None:
@@ -198,52 +185,6 @@ def test_a_planted_gap_is_filled(style: str, share: float) -> None:
     assert free_share.max() <= 0.9
     highest = [one.length()[one.layer == paths.layer.max()].sum() for one in (paths, standing.paths)]
     assert highest[1] >= 0.95 * highest[0]
-
-
-@pytest.mark.parametrize("style", STYLE_NAMES)
-def test_a_missing_layer_is_filled(style: str) -> None:
-    """Nothing lies on the layer below a missing one."""
-    supports, paths, overhangs, sections, profile = made("tee", style)
-    layer = paths.plan.n_layers // 2
-    less = paths.take(np.flatnonzero(paths.layer != layer))
-
-    standing = check_standing(supports, less, overhangs, sections, profile)
-
-    assert (standing.paths.layer == layer).any()
-    free, share = find_free_stretches(standing.paths, sections)
-    assert free.max() <= 2.2 * profile.quality.support_spacing
-    assert share.max() <= 0.9
-
-
-def lay_lines(lines: list[list[tuple[float, float]]], layer: list[int]) -> Toolpaths:
-    """Open lines of supports, each on its layer."""
-    return Toolpaths.gathered(
-        LayerPlan.from_tops(np.array([0.2, 0.4])),
-        xy=np.array([point for line in lines for point in line]),
-        size=np.array([len(line) for line in lines]),
-        layer=np.array(layer),
-        role=np.full(len(lines), Role.SUPPORT),
-        width=np.full(len(lines), 0.45),
-        closed=False,
-    )
-
-
-@pytest.mark.parametrize(("beyond", "stays"), [(1.3, True), (2.3, False)])
-def test_long_ends_and_long_turns_beyond_rows_are_taken_out(beyond: float, stays: bool) -> None:
-    """Two rows, 10 mm long; lines across them end, or turn, at a distance from the outer row."""
-    _, _, overhangs, sections, profile = made("tee", "columns")
-    rows = [[(0.0, y), (10.0, y)] for y in (0.0, 2.5)]
-    end = [(2.0, 0.0), (2.0, 2.5 + 0.225 + beyond)]
-    high = 2.5 + 0.225 + beyond / 2 - 0.3
-    turn = [(5.0, 0.0), (5.0, high), (5.65, high), (5.65, 0.0)]
-    paths = lay_lines([*rows, end, turn], [0, 0, 1, 1])
-    supports = made("tee", "columns")[0]
-
-    standing = check_standing(supports, paths, overhangs, sections, profile)
-
-    whole = float(paths.length().sum())
-    lost = whole - float(standing.paths.length().sum())
-    assert (lost < 0.1) == stays
 
 
 def test_what_may_not_be_carried_is_taken_out() -> None:
