@@ -16,6 +16,7 @@ from printer_slicer.values import Struct, replace
 __all__ = ["Forest", "descend"]
 
 _ROUNDING = 1e-5  # mm
+_UNDER_FOOT = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)  # cells
 
 
 class Forest(Struct, frozen=True, eq=False):
@@ -206,7 +207,8 @@ def _end_on_part(
     ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, floor, fields))
     here = live.take(ends)
     if len(here.node):
-        z = fields.surface[floor - 1].ravel()[here.cell].astype(np.float64)
+        around, inside = fields.grid.find_moved_cells(here.cell, _UNDER_FOOT)
+        z = np.where(inside, fields.surface[floor].ravel()[around], np.inf).min(axis=1).astype(np.float64)
         place = np.column_stack([fields.grid.find_middles(here.cell), z])
         foot = nodes.add(place, here.radius, -1, movable=np.zeros(len(z), np.bool_), on_part=True)
         nodes.link(here.node, foot, here.radius)

@@ -29,7 +29,9 @@ STOREY_RATIO = 3.0  # height of a storey, in cells
 _MOST_CELLS = 6e6  # in all storeys; large parts get larger cells
 _MARGIN = 15.0  # mm around the part in which branches may go
 _HALF_DIAGONAL = 0.35  # cells; the outline of a solid may pass beside the middles of its cells
-_FLAT = 0.6  # mm; a surface may vary by this much around a branch that stands on it
+_STEEPEST = (
+    1.1  # mm by which a surface may vary between cells around a branch that stands on it, about 40 degrees
+)
 _AROUND = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -83,7 +85,7 @@ class Fields(Struct, frozen=True, eq=False):
         solid: (F, n_rows, n_columns) where the part is in the storey above each floor.
         clear: (F, n_rows, n_columns) the thickest branch that keeps its distance there, mm.
         landing: (F, n_rows, n_columns) the thickest branch that may end on the part's surface under the floor, mm.
-        surface: (F, n_rows, n_columns) z of the part's surface in the storey above each floor, mm; -inf: none.
+        surface: (F, n_rows, n_columns) z of the highest surface of the part under each floor, mm; -inf: none.
         to_bed: ways that end on the bed.
         to_any: ways that end on the bed or on the part.
     """
@@ -122,7 +124,8 @@ def build_fields(
     """
     grid, storey = _choose_grid(sections, highest, bed)
     n_floors = int(highest / storey + 1e-6) + 1
-    solid, surface = _rasterize_storeys(sections, grid, storey, n_floors)
+    solid, tops = _rasterize_storeys(sections, grid, storey, n_floors)
+    surface = _find_surfaces(tops)
     margin = np.float32(settings.xy_gap + _HALF_DIAGONAL * grid.cell)
     reach = settings.largest_radius + float(margin)
     clear = _measure_clearance(solid, grid.cell, reach) - margin
@@ -173,23 +176,34 @@ def _rasterize_storeys(
     return solid, surface
 
 
+def _find_surfaces(tops: Float32) -> Float32:
+    """Return z of the highest surface under each floor, mm, from that in each storey (F, n_rows, n_columns)."""
+    result = np.full_like(tops, -np.inf)
+    np.maximum.accumulate(tops[:-1], axis=0, out=result[1:])
+    return result
+
+
 def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -> Float32:
-    """Return how far it is from each cell on each floor to where the surface below is not flat, mm.
+    """Return how far it is from each cell on each floor to where the surface below is steep, mm.
+
+    Only cells with the part in the storey right under the floor have a distance above 0. The surface around them may
+    lie in lower storeys.
 
     Args:
-        fields: where the part is in each storey, and z of its surface there, mm.
+        fields: where the part is in each storey, and z of the surface under each floor, mm.
         cell: side of a cell, mm.
         reach: largest distance, mm.
     """
     solid, surface = fields
     result = np.zeros(solid.shape, np.float32)
     for floor in range(1, len(solid)):
-        under = surface[floor - 1]
-        if not (solid[floor - 1] & ~solid[floor]).any():
+        top = solid[floor - 1] & ~solid[floor]
+        if not top.any():
             continue
+        under = surface[floor]
         with np.errstate(invalid="ignore"):
-            flat = highest_within(under, _AROUND) + highest_within(-under, _AROUND) <= _FLAT
-        result[floor] = clearance(~flat, cell, reach)
+            level = highest_within(under, _AROUND) + highest_within(-under, _AROUND) <= _STEEPEST
+        result[floor] = np.where(top, clearance(~level, cell, reach), 0.0)
     return result
 
 

@@ -6,14 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.model import Mesh
-from tests.parts import box, joined
+from tests.parts import box, joined, loft
 
 __all__ = [
     "bracket",
     "hook",
     "inverted_cone",
     "mushroom",
+    "ramp_in_a_room",
     "round_body",
     "shelf_and_arm",
     "sphere_on_bed",
@@ -97,3 +99,19 @@ def tub() -> Mesh:
     ]
     floor, shelf = box((50.0, 50.0, 3.0), (-25.0, -25.0, 0.0)), box((20.0, 44.0, 3.0), (-23.0, -22.0, 20.0))
     return joined([*walls, floor, shelf], "tub")
+
+
+_WALLS = [
+    ((1.0, 22.0, 22.0), (-1.0, -1.0, 0.0)),
+    ((1.0, 22.0, 22.0), (20.0, -1.0, 0.0)),
+    ((22.0, 1.0, 22.0), (-1.0, -1.0, 0.0)),
+    ((22.0, 1.0, 22.0), (-1.0, 20.0, 0.0)),
+]
+
+
+def ramp_in_a_room() -> Mesh:
+    """A ceiling over a ramp of 31 degrees, with walls on all sides."""
+    low: Float = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)])
+    ramp = Mesh(loft([low, low * (0.01, 1.0)], [0.0, 12.0]), "ramp")
+    walls = [box(size, at) for size, at in _WALLS]
+    return joined([ramp, *walls, box((22.0, 22.0, 3.0), (-1.0, -1.0, 20.0))], "ramp_in_a_room")

@@ -27,7 +27,7 @@ from tests.parts import plain
 from tests.supports.by_hand import overhangs_of, prepared, support_plan
 from tests.supports.loops import draw_plastic, find_hanging_stretches
 from tests.supports.noise import noise_sections
-from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
+from tests.supports.shapes import bracket, hook, mushroom, ramp_in_a_room, sphere_on_bed, table, tee
 
 SHAPES: dict[str, Callable[[], Mesh]] = {
     "tee": tee,
@@ -252,6 +252,17 @@ def test_branches_stand_on_the_part_only_where_that_saves_their_price() -> None:
     assert standing[0]
     assert not standing[1]
     assert {z for z, _, _ in standing[0]} == {4.0}
+
+
+def test_branches_stand_on_a_ramp_where_no_way_leads_to_the_bed() -> None:
+    overhangs, plan, sections = prepared(ramp_in_a_room())
+
+    supports = grow_trees(overhangs, plan, sections, plain())
+
+    assert not supports.bare
+    assert supports.branches[:, 0].min() > 0
+    check_chains(supports, sections)
+    assert len(find_pieces_in_the_air(supports, sections)) == 0
 
 
 def test_trees_of_a_tee_are_light() -> None:
