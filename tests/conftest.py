@@ -25,7 +25,7 @@ EXAMPLES = Path(__file__).parents[1] / ".hypothesis" / "examples"
 settings.register_profile(
     "check",
     derandomize=True,
-    max_examples=25,
+    max_examples=12,
     deadline=None,
     print_blob=True,
     suppress_health_check=[HealthCheck.too_slow],

@@ -20,6 +20,7 @@ from printer_slicer.errors import MeshError, OutputError, PrinterSlicerError, Us
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import export_stl, load_mesh, load_model
 from printer_slicer.model import Mesh
+from tests.effort import examples
 
 BOX = np.array(trimesh.creation.box((2.0, 3.0, 4.0)).triangles)
 """(12, 3, 3) a box around the origin."""
@@ -317,7 +318,9 @@ def test_a_sheet_encloses_no_volume(tmp_path: Path) -> None:
 
 
 @given(st.binary(max_size=400), st.sampled_from(["stl", "3mf", "obj", "ply", "off", "glb", "bin"]))
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@settings(
+    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=examples(30)
+)
 def test_no_content_leads_to_a_traceback(tmp_path: Path, content: bytes, extension: str) -> None:
     with pytest.raises((MeshError, UsageError)):
         load_mesh(write(tmp_path, content, f"part.{extension}"))

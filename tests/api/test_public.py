@@ -23,10 +23,12 @@ from printer_slicer.drawing.canvas import Text, estimate_text_width
 from printer_slicer.version import VERSION
 from tests.api.example import run
 from tests.parts import box, cone
+from tests.sources import PACKAGE, SOURCES, trees
 from tests.waiting import LAST_RESORT
 
 ROOT: Final = Path(__file__).parents[2]
 BOX: Final = box()
+SMALL: Final = box((5.0, 5.0, 1.0))
 SVG: Final = "{http://www.w3.org/2000/svg}"
 PROFILE: Final = ps.load_profile("marlin_220", "pla", "adaptive")
 STAGES: Final = ps.slice_stages(cone(8, 3, 6), PROFILE)
@@ -152,7 +154,7 @@ def test_slice_makes_the_job_of_a_file_with_a_printer_by_its_display_name() -> N
     ids=str,
 )
 def test_slice_takes_settings_by_familiar_names(given: dict[str, Any], ours: dict[str, object]) -> None:
-    job = ps.slice(BOX, **given)
+    job = ps.slice(SMALL, **given)
 
     assert job.profile == ps.load_profile(quality=given.get("quality"), changes=ours)
 
@@ -609,20 +611,20 @@ def test_values_say_what_they_are() -> None:
 # Messages for Python
 
 
-ENGINE: Final = sorted(
+ENGINE: Final = [
     path
-    for path in (ROOT / "printer_slicer").rglob("*.py")
-    if path.relative_to(ROOT / "printer_slicer").parts[0]
+    for path in SOURCES
+    if path.relative_to(PACKAGE).parts[0]
     # Rooms of the command line, and those that only its commands use.
     not in {"cli", "doctor.py", "importing", "printing", "sending", "sim", "__main__.py"}
-)
+]
 
 
 def test_messages_below_the_command_line_name_no_flags() -> None:
     flag = re.compile(r"(?:^|[\s(`'\"])--[a-z]")
     found = []
     for path in ENGINE:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
+        tree = trees()[path]
         docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
         found += [
             f"{path.name}:{node.lineno}: {node.value}"

@@ -22,6 +22,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_of
+from tests.effort import examples
 from tests.parts import plain, two_boxes
 from tests.tiny_gcode import body, commands
 
@@ -371,7 +372,7 @@ def programs(draw: st.DrawFn) -> Program:
 
 
 @given(programs(), st.sampled_from(list(FLAVOURS)), st.booleans())
-@settings(max_examples=200)
+@settings(max_examples=examples(25))
 def test_any_program_comes_back_from_its_text(program: Program, flavour: str, relative: bool) -> None:
     """Every position within half the last digit, all the filament, every speed within half a millimetre a minute."""
     text = write_gcode(program, wanted(flavour, relative_extrusion=relative))

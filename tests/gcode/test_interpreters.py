@@ -105,7 +105,7 @@ def assert_lint_reads(command: bytes) -> None:
 
 
 @pytest.mark.parametrize("flavour", SIMULATED_FIRMWARES)
-@settings(max_examples=examples(12))  # long ones: what a command does shows only in what comes behind it
+@settings(max_examples=examples(4, 100))  # long ones: what a command does shows only in what comes behind it
 @given(data=st.data())
 def test_all_interpreters_agree_on_any_program(flavour: str, data: st.DataObject) -> None:
     commands = [*START, *program_of(data.draw(programs(flavour)))]

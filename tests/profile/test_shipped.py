@@ -83,7 +83,8 @@ def test_a_machine_has_a_bed_a_height_limits_and_a_model_of_its_own(name: str) -
 
 @pytest.mark.parametrize("name", OWN_MACROS)
 def test_a_part_as_high_as_the_machine_ends_within_it(name: str) -> None:
-    profile = load_profile(name, "pla", "draft", {"bed_z": 20})
+    hollow = {"perimeters": 1, "bottom_thickness": 0, "top_thickness": 0, "infill_density": 0}
+    profile = load_profile(name, "pla", "draft", {"bed_z": 20, **hollow})
     job = job_of(box((6, 6, 20)), profile)
     verdict = dry_run(job, profile)
 

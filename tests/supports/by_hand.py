@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from printer_slicer.geometry import difference, intersection, offset, offset_open, split_connected, union
@@ -45,6 +47,7 @@ def support_plan(overhangs: Overhangs, gap: float = 0.2) -> SupportPlan:
     return SupportPlan(LayerPlan.from_tops(plan.top[: carrier.max(initial=-1) + 1]), carrier, distance)
 
 
+@cache
 def prepared(mesh: Mesh, height: float = 0.2) -> tuple[Overhangs, SupportPlan, Sections]:
     """What the stages of supports take, of a part in layers of equal height."""
     sections = cut(mesh, layers(round(float(mesh.bounds[1][2]) / height), height), 0.0125)

@@ -1,7 +1,8 @@
-"""Parts that need supports, made of few facets."""
+"""Parts that need supports, made of few facets: one mesh each, so that results of it can be stored."""
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -42,6 +43,7 @@ def round_body(
     return Mesh(np.concatenate(facets), "round body")
 
 
+@cache
 def tee(arm: float = 25.0, height: float = 40.0, width: float = 10.0, thick: float = 4.0) -> Mesh:
     """A stem with an arm to each side at its top."""
     stem = box((10.0, width, height), (-5.0, -width / 2, 0.0))
@@ -49,29 +51,34 @@ def tee(arm: float = 25.0, height: float = 40.0, width: float = 10.0, thick: flo
     return joined([stem, bar], "tee")
 
 
+@cache
 def bracket() -> Mesh:
     """Two plates of 60 x 40, one over the other, with a wall between them."""
     plates = [box((60.0, 40.0, 4.0), (-30.0, -20.0, z)) for z in (0.0, 40.0)]
     return joined([*plates, box((60.0, 5.0, 42.0), (-30.0, -20.0, 1.0))], "bracket")
 
 
+@cache
 def sphere_on_bed(radius: float = 20.0, sides: int = 96) -> Mesh:
     """A ball that touches the bed."""
     angle = np.linspace(0, np.pi, sides // 2)
     return round_body([(radius * np.sin(t), radius * (1 - np.cos(t))) for t in angle], sides)
 
 
+@cache
 def mushroom(cap: float = 20.0, height: float = 30.0) -> Mesh:
     """A stalk with a flat cap."""
     return round_body([(4.0, 0.0), (4.0, height), (cap, height), (cap, height + 3)])
 
 
+@cache
 def table(x: float = 80.0, y: float = 60.0, height: float = 38.0) -> Mesh:
     """Four legs with a plate."""
     legs = [box((6.0, 6.0, height + 1), (a, b, 0.0)) for a in (0.0, x - 6) for b in (0.0, y - 6)]
     return joined([*legs, box((x, y, 3.0), (0.0, 0.0, height))], "table")
 
 
+@cache
 def inverted_cone(radius: float = 8.0, height: float = 15.0) -> Mesh:
     """A cone on its tip, at the end of an arm."""
     cone = round_body([(0.0, 0.0), (radius, height)], at=(20.0, 0.0)).moved((0.0, 0.0, 15.0))
@@ -79,6 +86,7 @@ def inverted_cone(radius: float = 8.0, height: float = 15.0) -> Mesh:
     return joined([cone, post, arm.moved((0.0, 0.0, -0.5))], "hanging cone")
 
 
+@cache
 def shelf_and_arm() -> Mesh:
     """A wide plate 8 mm above the bed, and an arm 60 mm above it, on the same base."""
     base, leg = box((80.0, 10.0, 2.0), (-70.0, 0.0, 0.0)), box((6.0, 40.0, 9.0), (-30.0, -15.0, 0.0))
@@ -86,11 +94,13 @@ def shelf_and_arm() -> Mesh:
     return joined([base, leg, plate, post, box((35.0, 10.0, 4.0), (0.0, 0.0, 60.0))], "shelf and arm")
 
 
+@cache
 def hook() -> Mesh:
     """A post with an arm, from which a cone of 15 mm hangs down."""
     return inverted_cone()
 
 
+@cache
 def tub() -> Mesh:
     """A tub with a shelf inside, under which supports can only stand on the floor of the tub."""
     walls = [

@@ -14,8 +14,8 @@ from printer_slicer.supports.bare_places import BareReasons, list_bare_places
 from printer_slicer.supports.levels import plan_support_layers
 from printer_slicer.supports.styles import PrintedSupports, make_supports
 from tests.parts import box, joined
+from tests.supports.by_stages import prepared
 from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
-from tests.supports.test_columns import prepared
 
 SHAPES = {"tee": tee, "hook": hook, "mushroom": mushroom, "sphere": sphere_on_bed}
 NOTHING = BareReasons((), np.zeros((0, 3)))

@@ -14,8 +14,8 @@ from printer_slicer.roles import Role
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.styles import measure_plastic
 from printer_slicer.supports.trees import grow_trees
+from tests.supports.by_stages import columns_of, prepared
 from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, tee
-from tests.supports.test_columns import columns_of, prepared
 
 PROFILE = load_profile()
 WIDTH = PROFILE.extrusion_width

@@ -6,40 +6,17 @@ import numpy as np
 import pytest
 
 from printer_slicer.geometry import difference, intersection, normalize, offset
-from printer_slicer.model import Areas, Mesh, Overhangs, Sections, SupportPlan, Supports
-from printer_slicer.perimeters import lay_walls
-from printer_slicer.profile import Profile, load_profile
-from printer_slicer.regions import classify
-from printer_slicer.slicing import cut
-from printer_slicer.supports import find_overhangs
+from printer_slicer.model import Areas, Mesh, Supports
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
 from printer_slicer.supports.landings import find_landings
-from printer_slicer.supports.levels import plan_shared_layers, plan_support_layers
+from printer_slicer.supports.levels import plan_shared_layers
 from printer_slicer.values import replace
-from tests.parts import box, joined, layers
+from tests.parts import box, joined
+from tests.supports.by_stages import columns_of, prepared
 from tests.supports.shapes import bracket, hook, mushroom, round_body, sphere_on_bed, tee
 
 PARTS = {"tee": tee, "hook": hook, "sphere": sphere_on_bed, "mushroom": mushroom, "bracket": bracket}
-
-
-def prepared(
-    mesh: Mesh, height: float = 0.2, **changes: object
-) -> tuple[Overhangs, SupportPlan, Sections, Profile]:
-    """What the stage takes, of a part in the middle of the bed."""
-    profile = load_profile(quality="standard", changes={"support": "columns", **changes})
-    low, high = mesh.bounds
-    middle = np.array(profile.printer.corners).mean(axis=0)
-    mesh = mesh.moved((*(middle - (low + high)[:2] / 2), 0.0))
-    sections = cut(mesh, layers(round(mesh.height / height), height), 0.0125)
-    overhangs = find_overhangs(sections, classify(sections, lay_walls(sections, profile), profile), profile)
-    return overhangs, plan_support_layers(overhangs, profile), sections, profile
-
-
-def columns_of(mesh: Mesh, **changes: object) -> tuple[Supports, Sections, Profile]:
-    """Columns under a part."""
-    overhangs, plan, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
-    return lay_columns(overhangs, plan, sections, profile), sections, profile
 
 
 @pytest.mark.parametrize("name", PARTS)

@@ -11,8 +11,8 @@ from printer_slicer.supports.firmness import find_grips, find_slim_pieces
 from printer_slicer.supports.trees import grow_trees
 from tests.parts import plain
 from tests.supports.by_hand import prepared as by_hand
+from tests.supports.by_stages import columns_of
 from tests.supports.shapes import mushroom, tee
-from tests.supports.test_columns import columns_of
 
 
 def block(side: float, n_layers: int) -> Supports:

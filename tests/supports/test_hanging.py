@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import printer_slicer as ps
 from printer_slicer.geometry import Areas, depths, intersection, normalize, split_connected
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Regions, Sections
 from printer_slicer.supports import find_overhangs
+from tests.effort import examples
 from tests.parts import box, joined, loft, plain, sheared_prism, sphere
 
 CELL: Final = 3.0  # mm
@@ -98,12 +99,18 @@ def test_a_plane_is_found_if_it_is_flatter_than_the_threshold(
     assert not overhangs.islands.n_rings
 
 
+@cache
+def found_as_it_is(part: Mesh) -> Overhangs:
+    return found(part)
+
+
+@settings(max_examples=examples(6, 200))
 @given(st.floats(0, 360), st.sampled_from([gallows(), sheared_prism(10, 6, 12), sphere(8)]))
 def test_rotation_about_z_does_not_change_the_area(degrees: float, part: Mesh) -> None:
     c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     turned = Mesh(part.triangles @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), "turned")
 
-    before, after = found(part), found(turned)
+    before, after = found_as_it_is(part), found(turned)
 
     assert after.area.area().sum() == pytest.approx(before.area.area().sum(), rel=0.01)
     assert after.n_patches == before.n_patches
@@ -147,7 +154,7 @@ def test_a_bridge_needs_nothing_up_to_the_maximum_length(width: float) -> None:
     assert found(gate(4.0, width), support_max_bridge=0).n_patches == 1
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(3))
 @given(st.floats(25, 38), st.integers(0, 2**32 - 1))
 def test_a_slope_between_two_walls_is_found_in_all_layers(angle: float, seed: int) -> None:
     reach = 8.0
@@ -206,14 +213,16 @@ def ball() -> Mesh:
     return solid(made)
 
 
-@pytest.mark.parametrize(
-    ("part", "surface"), [(ball(), sphere_at), (turned_ring(), torus_at), (tunnel(), crown_at)]
-)
-@settings(max_examples=6)
-@given(st.one_of(st.sampled_from([0.1, 0.2, 0.3]), st.integers(0, 2**32 - 1)))
-def test_a_curved_surface_is_found_up_to_the_threshold(
-    part: Mesh, surface: Callable[[Array, Array], tuple[Array, Array]], layers: float
-) -> None:
+CURVED = {"ball": (ball(), sphere_at), "ring": (turned_ring(), torus_at), "tunnel": (tunnel(), crown_at)}
+
+
+@settings(max_examples=examples(1))
+@given(st.sampled_from([*CURVED]), st.one_of(st.sampled_from([0.3, 0.2, 0.1]), st.integers(0, 2**32 - 1)))
+@example("ball", 0.2)
+@example("ring", 1)
+@example("tunnel", 0.1)
+def test_a_curved_surface_is_found_up_to_the_threshold(name: str, layers: float) -> None:
+    part, surface = CURVED[name]
     n, top = 250, float(part.bounds[1, 2])
     uneven = isinstance(layers, int)
     heights = np.random.default_rng(layers).uniform(0.1, 0.3, n) if uneven else np.full(n, layers)
@@ -252,6 +261,7 @@ def test_a_plate_held_at_one_end_needs_support_over_its_whole_area(reach: float)
     assert overhangs.n_patches == 1
 
 
+@settings(max_examples=examples(6, 200))
 @given(st.lists(st.tuples(st.floats(0.5, 3), st.floats(1, 8)), min_size=1, max_size=3), st.floats(0.08, 0.3))
 def test_every_icicle_has_one_island_at_its_tip(cones: list[tuple[float, float]], height: float) -> None:
     roof = joined([box((40, 8, 3), (0, -4, 10)), box((6, 8, 12), (-3, -4, 0))])
@@ -293,12 +303,15 @@ def test_a_blob_on_a_thread_is_a_tail() -> None:
     assert overhangs.area.area().sum() == pytest.approx(9 - 0.36, rel=0.01)
 
 
+HUNG = joined([gallows(), icicle(2, 6, (10, 5), 10)])
+
+
+@settings(max_examples=examples(4, 200))
 @given(st.integers(0, 2**32 - 1))
 def test_order_of_facets_does_not_matter(seed: int) -> None:
-    part = joined([gallows(), icicle(2, 6, (10, 5), 10)])
-    shuffled = Mesh(np.random.default_rng(seed).permutation(part.triangles), part.name)
+    shuffled = Mesh(np.random.default_rng(seed).permutation(HUNG.triangles), HUNG.name)
 
-    one, other = found(part), found(shuffled)
+    one, other = found_as_it_is(HUNG), found(shuffled)
 
     assert other.area.area() == pytest.approx(one.area.area(), abs=1e-4)
     assert other.islands.area() == pytest.approx(one.islands.area(), abs=1e-4)

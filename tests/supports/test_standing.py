@@ -22,9 +22,9 @@ from printer_slicer.supports.styles import STYLES, measure_plastic
 from printer_slicer.values import replace
 from tests.parts import plain
 from tests.supports.by_hand import overhangs_of, support_plan
+from tests.supports.by_stages import prepared
 from tests.supports.noise import noise_sections
 from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
-from tests.supports.test_columns import prepared
 
 Case = tuple[Supports, Toolpaths, Overhangs, Sections, Profile]
 SHAPES: dict[str, Callable[[], Mesh]] = {

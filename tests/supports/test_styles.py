@@ -22,8 +22,8 @@ from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 from tests.parts import box, joined
+from tests.supports.by_stages import prepared
 from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee
-from tests.supports.test_columns import prepared
 
 PARTS = {
     "tee": tee,
@@ -111,7 +111,8 @@ def test_trees_keep_their_distance_from_columns() -> None:
 
 
 def test_facts_name_both_styles() -> None:
-    profile = load_profile(quality="standard", changes={"support": "auto"})
+    hollow = {"perimeters": 1, "infill_density": 0, "top_thickness": 0, "bottom_thickness": 0}
+    profile = load_profile(quality="standard", changes={"support": "auto", **hollow})
     styles = {}
     for name in ("shelf and arm", "tee", "mushroom"):
         facts = collect_support_facts(slice_stages(PARTS[name](), profile), profile)

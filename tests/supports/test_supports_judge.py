@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from benchmarks.support_beads import SupportFile, read_supports, support_seconds
 from benchmarks.support_figures import Figures, measure_supports
 from benchmarks.support_parts import arch, figure, read_rotation, support_parts, turned
-from benchmarks.support_solid import Solid, find_islands, find_overhang
+from benchmarks.support_solid import Island, Overhang, Solid, find_islands, find_overhang
 from printer_slicer import bead
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
@@ -28,6 +29,7 @@ FILAMENT = float(bead.filament_per_mm(WIDTH, HEIGHT, DIAMETER))
 BOTTOM = 2.0  # of the plate
 
 
+@cache
 def table() -> Mesh:
     """A plate of 20 x 12 at a height of 2 mm, on a post of 4 x 12 at its left end."""
     return joined([box((4.0, 12.0, 3.0)), box((20.0, 12.0, 1.0), (0.0, 0.0, BOTTOM))], "table")
@@ -73,18 +75,23 @@ def supported(
     return text.layer(BOTTOM + HEIGHT, "External perimeter").rows(0.5, 19.5)
 
 
-def measured(text: Text, part: Mesh | None = None) -> Figures:
+@cache
+def measured_part(part: Mesh) -> tuple[Solid, tuple[Overhang, list[Island]]]:
+    """A part, and what of it needs supports."""
+    solid = Solid.of(part)
+    return solid, (find_overhang(solid, 40, 10), find_islands(solid))
+
+
+def measured(text: Text) -> Figures:
     """The figures of a file of the table."""
-    solid = Solid.of(part or table())
-    truth = find_overhang(solid, 40, 10), find_islands(solid)
-    return measure_supports(text.read(), solid, truth, DENSITY)
+    return measure_supports(text.read(), *measured_part(table()), DENSITY)
 
 
 # What hangs
 
 
 def test_a_flat_hangs_with_its_whole_area() -> None:
-    overhang = find_overhang(Solid.of(tee()), 40, 10)
+    overhang = measured_part(tee())[1][0]
 
     assert overhang.area == pytest.approx(500, abs=0.5)
     assert overhang.z == pytest.approx(40)
@@ -112,7 +119,7 @@ def test_bridges_between_two_ends_do_not_count_up_to_their_longest_span() -> Non
 
 
 def test_turning_a_part_about_z_changes_nothing() -> None:
-    areas = [find_overhang(Solid.of(turned(mushroom(), (0, 0, a))), 40, 10).area for a in (0, 17, 45)]
+    areas = [find_overhang(Solid.of(turned(mushroom(10, 10), (0, 0, a))), 40, 10).area for a in (0, 17, 45)]
 
     assert areas == pytest.approx([areas[0]] * 3, rel=0.01)
 
@@ -131,8 +138,8 @@ def test_a_model_is_turned_as_its_name_says(tmp_path: Path) -> None:
 
 
 def test_islands_are_pieces_that_begin_in_the_air() -> None:
-    assert [round(one.z, 1) for one in find_islands(Solid.of(hook()))] == [15.1]
-    assert find_islands(Solid.of(tee())) == []
+    assert [round(one.z, 1) for one in measured_part(hook())[1][1]] == [15.1]
+    assert measured_part(tee())[1][1] == []
     assert len(find_islands(Solid.of(figure()))) == 2
 
 
@@ -255,8 +262,7 @@ def test_support_on_the_part_is_a_scar() -> None:
 
 def test_an_island_without_support_is_found() -> None:
     file = Text().layer(0.2, "External perimeter").path((0, 0), (10, 0)).read()
-    solid = Solid.of(hook())
-    found = measure_supports(file, solid, (find_overhang(solid, 40, 10), find_islands(solid)), DENSITY)
+    found = measure_supports(file, *measured_part(hook()), DENSITY)
 
     assert [place.z for place in found.unsupported] == pytest.approx([15.0], abs=0.2)
 
@@ -277,7 +283,7 @@ def test_a_slim_pillar_is_slim() -> None:
 def test_a_layer_taken_out_of_our_own_file_is_found(style: str) -> None:
     changes = {"support": style, "skirt_loops": 0}
     profile = load_profile(quality="standard", changes=changes)
-    stages = slice_stages(tee(), profile)
+    stages = slice_stages(tee(10, 15), profile)
     text = write_gcode(stages.program, profile)
     solid = Solid.of(stages.part)
     truth = find_overhang(solid, 40, 10), find_islands(solid)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from printer_slicer.inspection.coverage.model_check import check_gcode
-from printer_slicer.inspection.deposition.unsupported import describe_unsupported, unsupported_of_program
+from printer_slicer.inspection.deposition.unsupported import (
+    UnsupportedExtrusion,
+    describe_unsupported,
+    unsupported_of_program,
+)
 from printer_slicer.inspection.dry_run.runner import dry_run
+from printer_slicer.jobs import Job
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile, profile_with
@@ -37,9 +43,19 @@ def flared(n_steps: int = 20) -> Mesh:
     )
 
 
+@cache
+def sliced(part: Mesh) -> Job:
+    return job_of(part, PROFILE)
+
+
+def unsupported_of(job: Job) -> tuple[UnsupportedExtrusion, ...]:
+    assert job.program is not None
+    return unsupported_of_program(job.program, PROFILE)
+
+
 @pytest.mark.parametrize("part", [MUSHROOM, SPLINTER], ids=lambda part: part.name)
 def test_what_hangs_is_found_where_it_hangs(part: Mesh) -> None:
-    found = unsupported_of_program(slice_part(part, PROFILE), PROFILE)
+    found = unsupported_of(sliced(part))
 
     bottom = 3.0
     assert found[0].z == pytest.approx(bottom + 0.2, abs=0.01)
@@ -69,8 +85,8 @@ def test_bridges_overhangs_first_layers_and_rafts_are_held(part: Mesh, raft: flo
 
 @pytest.mark.parametrize("part", [MUSHROOM, SPLINTER, TABLE, SHELVES], ids=lambda part: part.name)
 def test_slice_print_check_and_dry_run_tell_the_same_length(part: Mesh) -> None:
-    found = unsupported_of_program(slice_part(part, PROFILE), PROFILE)
-    job = job_of(part, PROFILE)
+    job = sliced(part)
+    found = unsupported_of(job)
     by_rules = [one for one in job.findings if one.code == "unsupported"]
     by_model = [one for one in check_gcode(job.text, part).findings if one.code == "unsupported"]
     by_printer = [one for one in dry_run(job, PROFILE).faults if one.code == "unsupported"]
