@@ -18,10 +18,11 @@ from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.jobs import Job
 from printer_slicer.model import Acceleration, LayerPlan, PressureAdvance, Program
 from printer_slicer.motion.rules import limits_of
-from printer_slicer.pipeline import slice_part
+from printer_slicer.pipeline import slice_part, slice_stages
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.slice_jobs import job_of
+from printer_slicer.stages import Stages
 from tests.effort import examples
 from tests.parts import plain, two_boxes
 from tests.tiny_gcode import body, commands
@@ -140,13 +141,21 @@ def straight() -> Program:
 
 
 @cache
+def corner_stages(**changes: object) -> Stages:
+    """The same for all flavours, on a bed that begins in a corner."""
+    return slice_stages(
+        two_boxes((5, 8, 1), gap=8), plain(**{**LIMITS, "printer.origin": "corner", **changes})
+    )
+
+
+@cache
 def job(flavour: str, **changes: object) -> Job:
     start = {
         "start_gcode": "G28\nM109 S{first_layer_nozzle_temperature}",
         "end_gcode": "M104 S0",
         "printer.origin": "corner",
     }
-    return job_of(two_boxes((5, 8, 1), gap=8), wanted(flavour, **start, **changes))
+    return job_of(corner_stages(), wanted(flavour, **start, **changes))
 
 
 def lines_of(program: Program, profile: Profile, seconds: Float | None = None) -> list[str]:
@@ -287,7 +296,8 @@ def test_the_firmware_is_told_what_more_to_push_forward(flavour: str) -> None:
         "end_gcode": "M104 S0",
     }
     usual, other = wanted(flavour, **changes), wanted(flavour, firmware_retraction=True, **changes)
-    plainly, told = (job_of(two_boxes((5, 8, 1), gap=8), one) for one in (usual, other))
+    stages = corner_stages(deretract_extra=0.05)
+    plainly, told = (job_of(stages, one) for one in (usual, other))
     verdict = dry_run(told, other)
 
     assert b"G10" in told.commands

@@ -106,7 +106,7 @@ def test_cycles_number_the_steps_from_the_lowest_item(seed: int, n: int) -> None
     assert pytest.approx(steps[lowest]) == 0
 
 
-@pytest.mark.parametrize("steps", few_of([1, 32, 4, 16], 2))
+@pytest.mark.parametrize("steps", few_of([1, 16, 4, 32], 2))
 def test_corners_of_symmetric_parts_have_keys_of_their_own(steps: int) -> None:
     """Mirrored, and a few 32-bit steps apart, as rounding leaves them."""
     rng = np.random.default_rng(steps)

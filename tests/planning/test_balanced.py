@@ -74,7 +74,7 @@ def beaten(mine: Float, theirs: Float) -> bool:
 
 
 @any_machine
-@settings(max_examples=examples(3))
+@settings(max_examples=examples(2, 24))
 @given(mesh=stacks())
 def test_no_uniform_plan_is_quicker_for_the_same_error_or_more_exact_in_the_same_time(
     name: str, mesh: Mesh
@@ -87,7 +87,7 @@ def test_no_uniform_plan_is_quicker_for_the_same_error_or_more_exact_in_the_same
 
 
 @any_machine
-@settings(max_examples=examples(4))
+@settings(max_examples=examples(2, 32))
 @given(part=st.sampled_from([*MOVED]), k=st.sampled_from([0.25, 0.5, 2.0, 4.0]))
 def test_a_machine_on_another_clock_has_the_same_plan(name: str, part: str, k: float) -> None:
     usual = machine(name)

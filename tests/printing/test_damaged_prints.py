@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -158,9 +158,9 @@ def test_a_port_that_cannot_be_one_blocks_no_other_print(port: str, tmp_path: Pa
 
 @given(name=st.sampled_from(["name", "port", "baud", "begun", "boot", "setup", None]), value=ANYTHING)
 def test_a_head_of_anything_blocks_no_other_print(
-    name: str | None, value: Any, tmp_path_factory: pytest.TempPathFactory
+    name: str | None, value: Any, shelves: Iterator[Path]
 ) -> None:
-    job_store, good, bad = job_store_in(tmp_path_factory.mktemp("shelf"))
+    job_store, good, bad = job_store_in(next(shelves))
     path = bad.folder / "head.json"
     head = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps(value if name is None else {**head, name: value}), encoding="utf-8")

@@ -401,7 +401,7 @@ def test_no_wrong_point_of_any_part_lies_over_the_bound(kind: Callable[[Rng], Fl
 
 
 @pytest.mark.parametrize("containment", ["positive", "negative"])
-@settings(max_examples=examples(8))
+@settings(max_examples=examples(5, 64))
 @given(kind=st.sampled_from(KINDS), seed=st.integers(0, 10**6))
 def test_no_wrong_point_lies_over_the_bound_when_layers_hold_all_or_only_what_is_common(
     containment: str, kind: Callable[[Rng], Float], seed: int
@@ -431,7 +431,7 @@ def test_no_wrong_point_of_the_sections_as_cut_lies_over_the_bound(name: str) ->
     assert worst_excess(mesh, sections, 2000, rng, rounds=2) <= ROUNDING + CONTOUR_ROUNDING
 
 
-@settings(max_examples=examples(15))
+@settings(max_examples=examples(6, 120))
 @given(st.sampled_from(KINDS), st.integers(0, 10**6))
 def test_no_more_than_the_certified_volume_is_wrong(kind: Callable[[Rng], Float], seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -466,7 +466,7 @@ def test_the_search_reaches_what_is_proven_where_a_corner_is_steeper_than_its_fa
 
 def test_the_bounds_of_convex_parts_are_hardly_more_than_what_is_found() -> None:
     shares = []
-    for seed in range(24):
+    for seed in range(15):
         rng = np.random.default_rng(seed)
         mesh = body((tilted_box, convex, tetrahedron)[seed % 3], rng)
         plan = layers(max(2, int(mesh.height / 0.11)), 0.11)
