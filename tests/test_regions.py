@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,14 @@ PARTS = [
     (box_with_hole((20, 20, 4)), 4.0),
     (two_boxes((10, 10, 3)), 3.0),
 ]
+
+
+@cache
+def usual(mesh: Mesh, height: float) -> tuple[Sections, Walls, Regions]:
+    """With the usual settings, on uneven layers."""
+    return classified(mesh, uneven(height), plain())
+
+
 each_part = pytest.mark.parametrize(("mesh", "height"), PARTS, ids=lambda value: getattr(value, "name", ""))
 
 
@@ -109,7 +118,7 @@ def test_regions_do_not_overlap_and_cover_the_inside(engine: str, mesh: Mesh, he
 
 @each_part
 def test_bottom_skins_lie_on_the_bed_and_bridges_do_not(mesh: Mesh, height: float) -> None:
-    _, _, regions = classified(mesh, uneven(height), plain())
+    _, _, regions = usual(mesh, height)
 
     assert set(regions.bottom_solid_infill.ring_layer.tolist()) <= {0}
     assert 0 not in regions.bridge.ring_layer
@@ -266,7 +275,7 @@ def test_what_hangs_over_the_first_layer_is_a_bridge_on_the_second() -> None:
 
 @each_part
 def test_every_bridge_has_air_below_but_for_its_anchors(mesh: Mesh, height: float) -> None:
-    sections, _, regions = classified(mesh, uneven(height), plain())
+    sections, _, regions = usual(mesh, height)
 
     for layer in np.unique(regions.bridge.ring_layer).tolist():
         air = shapely.difference(shape(sections.solid, layer), shape(sections.solid, layer - 1))
@@ -277,7 +286,7 @@ def test_every_bridge_has_air_below_but_for_its_anchors(mesh: Mesh, height: floa
 
 @each_part
 def test_every_top_skin_has_air_above_but_for_its_anchors(mesh: Mesh, height: float) -> None:
-    sections, _, regions = classified(mesh, uneven(height), plain())
+    sections, _, regions = usual(mesh, height)
 
     for layer in np.unique(regions.top_solid_infill.ring_layer).tolist():
         if layer + 1 == regions.plan.n_layers:

@@ -66,7 +66,7 @@ def print_like(n_moves: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     "limits", MACHINES, ids=lambda m: f"{m.corner}-{m.minimum_cruise_ratio}-{m.min_segment_seconds}"
 )
 def test_a_print_takes_as_long_as_its_moves_one_by_one(limits: MotionLimits) -> None:
-    delta, speed = print_like(20_000, seed=7)
+    delta, speed = print_like(6_000, seed=7)
 
     np.testing.assert_allclose(
         compute_durations(delta, speed, limits), one_by_one(delta, speed, limits), rtol=1e-9, atol=0
