@@ -35,12 +35,12 @@ BUDGET: Final[Mapping[str, float]] = {
     "dry-run box.gcode, CPU of the process": 1.52,
     "slice vase.stl, CPU when warm": 12.08,
     "slice case_study.stl, CPU when warm": 6.87,
-    "slice box.stl, thousands of calls": 471.70,
-    "slice box.stl, modules": 487.00,
-    "slice vase.stl, thousands of calls": 217.58,
-    "slice case_study.stl, thousands of calls": 250.60,
+    "slice box.stl, thousands of calls": 456.59,
+    "slice box.stl, modules": 482.00,
+    "slice vase.stl, thousands of calls": 203.38,
+    "slice case_study.stl, thousands of calls": 221.97,
     "slice vase.stl, peak MiB of values": 28.00,
-    "slice case_study.stl, peak MiB of values": 10.39,
+    "slice case_study.stl, peak MiB of values": 9.91,
 }
 """CPU in units, thousands of calls, modules, and MiB."""
 
