@@ -63,7 +63,7 @@ CASES: Final = (
     Case(
         "height_range", ("cone",), ("--range", "4:8:layer_height=0.12", "--range", "8:10:infill_density=0.4")
     ),
-    Case("raft", ("thin_wall",), _set("raft_height=0.9", "brim_width=4")),
+    Case("raft", ("thin_wall",), _set("raft_height=0.9")),
     Case("spiral", ("vase",), ("--quality", "vase")),
     Case("arcs", ("cylinder",), _set("arc_tolerance=0.02")),
     Case("scarf", ("cylinder",), _set("scarf_length=10", "scarf_inner=true")),
@@ -98,7 +98,7 @@ CASES: Final = (
         ("--set-for", "box:infill_density=0.5", "--set-for", "box:perimeters=3"),
     ),
     Case("labels_klipper", ("box", "beside:cone"), ("--printer", "voron_trident_300")),
-    Case("paused", ("cylinder",), _set("pause_at=4; 7.5")),
+    Case("paused", ("cylinder",), _set("pause_at=4, 7.5")),
     Case("strong_delta", ("cylinder",), ("--printer", "flsun_qqs_pro", "--quality", "strong")),
 )
 

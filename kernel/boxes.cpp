@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 #include "functions.hpp"
@@ -134,7 +135,7 @@ PyObject* neighbouring_boxes(PyObject*, PyObject* arguments) {
   if (!arrays.valid()) return nullptr;
   Pairs pairs;
   const bool succeeded = run([&] { pairs = find_neighbours(arrays.boxes()); });
-  return succeeded ? to_tuple(pairs.one, pairs.other) : nullptr;
+  return succeeded ? to_tuple(std::move(pairs.one), std::move(pairs.other)) : nullptr;
 }
 
 PyObject* overlapping_boxes(PyObject*, PyObject* arguments) {
@@ -148,5 +149,5 @@ PyObject* overlapping_boxes(PyObject*, PyObject* arguments) {
   if (!other_arrays.valid()) return nullptr;
   Pairs pairs;
   const bool succeeded = run([&] { pairs = find_overlapping(arrays.boxes(), other_arrays.boxes()); });
-  return succeeded ? to_tuple(pairs.one, pairs.other) : nullptr;
+  return succeeded ? to_tuple(std::move(pairs.one), std::move(pairs.other)) : nullptr;
 }

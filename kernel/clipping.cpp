@@ -120,5 +120,5 @@ PyObject* combine_areas(PyObject*, PyObject* arguments) {
     if (operation < 0 || operation > 2) throw Invalid{"unknown operation"};
     result = combine(OPERATIONS[operation], Rings(a_xy, a_start, a_layer), Rings(b_xy, b_start, b_layer));
   });
-  return succeeded ? to_tuple(result.xy, result.start, result.layer) : nullptr;
+  return succeeded ? to_tuple(std::move(result.xy), std::move(result.start), std::move(result.layer)) : nullptr;
 }

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
+#include <optional>
 
 #include "functions.hpp"
 #include "vectors.hpp"
@@ -75,39 +75,39 @@ using WrittenMap = Map<float, char>;
 
 // Splitting moves
 
-struct Pieces {
-  Indices move;
-  std::vector<double> x, y, z, length;
-};
-
-Pieces split(const Place* start, const Place* end, std::size_t n) {
-  std::vector<double> length(n);
-  Indices count(n);
-  std::size_t total = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    length[i] = std::hypot(end[i].x - start[i].x, end[i].y - start[i].y);
-    const double pieces = std::max(std::ceil(length[i] / CELL), 1.0);
-    if (!(pieces < MOST_PIECES)) throw Invalid{"a move is too long"};
-    count[i] = static_cast<std::int64_t>(pieces);
-    total += static_cast<std::size_t>(count[i]);
-  }
-  Pieces result;
-  result.move.reserve(total);
-  for (std::vector<double>* column : {&result.x, &result.y, &result.z, &result.length}) column->reserve(total);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double pieces = static_cast<double>(count[i]), piece_length = length[i] / pieces;
-    const Place &a = start[i], &b = end[i], way{b.x - a.x, b.y - a.y, b.z - a.z};
-    for (std::int64_t k = 0; k < count[i]; ++k) {
-      const double share = (static_cast<double>(k) + 0.5) / pieces;
-      result.move.push_back(static_cast<std::int64_t>(i));
-      result.x.push_back(a.x + share * way.x);
-      result.y.push_back(a.y + share * way.y);
-      result.z.push_back(length[i] == 0 ? std::min(a.z, b.z) : a.z + share * way.z);
-      result.length.push_back(piece_length);
+// The number and the length of the pieces into which each move is split.
+struct Split {
+  Split(const Place* start_, const Place* end_, std::size_t n) : start(start_), end(end_), count(n), length(n) {
+    for (std::size_t i = 0; i < n; ++i) {
+      length[i] = std::hypot(end[i].x - start[i].x, end[i].y - start[i].y);
+      const double pieces = std::max(std::ceil(length[i] / CELL), 1.0);
+      if (!(pieces < MOST_PIECES)) throw Invalid{"a move is too long"};
+      count[i] = static_cast<std::int64_t>(pieces);
+      total += static_cast<std::size_t>(count[i]);
     }
   }
-  return result;
-}
+
+  // Writes the pieces to arrays of `total` numbers.
+  void write(std::int64_t* move, double* x, double* y, double* z, double* piece_length) const {
+    for (std::size_t i = 0; i < count.size(); ++i) {
+      const double pieces = static_cast<double>(count[i]);
+      const Place &a = start[i], &b = end[i], way{b.x - a.x, b.y - a.y, b.z - a.z};
+      for (std::int64_t k = 0; k < count[i]; ++k) {
+        const double share = (static_cast<double>(k) + 0.5) / pieces;
+        *move++ = static_cast<std::int64_t>(i);
+        *x++ = a.x + share * way.x;
+        *y++ = a.y + share * way.y;
+        *z++ = length[i] == 0 ? std::min(a.z, b.z) : a.z + share * way.z;
+        *piece_length++ = length[i] / pieces;
+      }
+    }
+  }
+
+  const Place *start, *end;
+  Indices count;
+  std::vector<double> length;
+  std::size_t total = 0;
+};
 
 // Finding unsupported pieces
 
@@ -344,14 +344,27 @@ PyObject* split_moves(PyObject*, PyObject* arguments) {
   if (!PyArg_ParseTuple(arguments, "OO:split_moves", &start_object, &end_object)) return nullptr;
   const Numbers start(start_object), end(end_object);
   if (!start.valid() || !end.valid()) return nullptr;
-  Pieces result;
+  std::optional<Split> split;
   const bool succeeded = run([&] {
     if (!start.is_whole() || !end.is_whole() || start.size() != end.size() || start.size() % 3)
       throw Invalid{"the moves do not match"};
-    result = split(reinterpret_cast<const Place*>(start.doubles()), reinterpret_cast<const Place*>(end.doubles()),
-                   start.size() / 3);
+    split.emplace(reinterpret_cast<const Place*>(start.doubles()), reinterpret_cast<const Place*>(end.doubles()),
+                  start.size() / 3);
   });
   if (!succeeded) return nullptr;
-  return to_tuple(std::move(result.move), std::move(result.x), std::move(result.y), std::move(result.z),
-                  std::move(result.length));
+  // The pieces of a large layer take much memory, so they are written without a copy.
+  PyObject* result = PyTuple_New(5);
+  char* arrays[5];
+  for (Py_ssize_t i = 0; result && i < 5; ++i) {
+    PyObject* array = PyBytes_FromStringAndSize(nullptr, static_cast<Py_ssize_t>(split->total * sizeof(double)));
+    if (!array || PyTuple_SetItem(result, i, array)) Py_CLEAR(result);
+    if (result) arrays[i] = PyBytes_AsString(array);
+  }
+  if (!result) return nullptr;
+  const auto column = [&](int i) { return reinterpret_cast<double*>(arrays[i]); };
+  const bool written = run([&] {
+    split->write(reinterpret_cast<std::int64_t*>(arrays[0]), column(1), column(2), column(3), column(4));
+  });
+  if (!written) Py_CLEAR(result);
+  return result;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "functions.hpp"
 #include "rings.hpp"
@@ -124,5 +125,5 @@ PyObject* miter_areas(PyObject*, PyObject* arguments) {
       if (!moved.empty()) result.append(moved, rings.layer(i));
     }
   });
-  return succeeded ? to_tuple(result.xy, result.start, result.layer) : nullptr;
+  return succeeded ? to_tuple(std::move(result.xy), std::move(result.start), std::move(result.layer)) : nullptr;
 }

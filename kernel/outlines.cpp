@@ -104,5 +104,5 @@ PyObject* clip_outlines(PyObject*, PyObject* arguments) {
   NewRings result;
   const bool succeeded =
       run([&] { result = clip(Rings(xy, start, layer), Rings(areas_xy, areas_start, areas_layer)); });
-  return succeeded ? to_tuple(result.xy, result.start, result.layer) : nullptr;
+  return succeeded ? to_tuple(std::move(result.xy), std::move(result.start), std::move(result.layer)) : nullptr;
 }

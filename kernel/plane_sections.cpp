@@ -107,7 +107,7 @@ PyObject* cut_edges(PyObject*, PyObject* arguments) {
       if (!numbers->is_whole()) throw Invalid{"the arrays do not match"};
     cuts = cut(corners, level, low, high, planes);
   });
-  return succeeded ? to_tuple(cuts.xy, cuts.planes) : nullptr;
+  return succeeded ? to_tuple(std::move(cuts.xy), std::move(cuts.planes)) : nullptr;
 }
 
 PyObject* number_cuts(PyObject*, PyObject* arguments) {

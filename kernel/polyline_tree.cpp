@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "functions.hpp"
 #include "segments.hpp"
@@ -176,7 +177,7 @@ PyObject* query_polyline_tree(PyObject*, PyObject* arguments) {
       query.resize(segments.size(), static_cast<std::int64_t>(i));
     }
   });
-  return succeeded ? to_tuple(query, segments) : nullptr;
+  return succeeded ? to_tuple(std::move(query), std::move(segments)) : nullptr;
 }
 
 PyObject* nearest_segments(PyObject*, PyObject* arguments) {

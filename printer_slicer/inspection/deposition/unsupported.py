@@ -47,7 +47,7 @@ MIN_REPORTED_LENGTH: Final = 3.0
 """Minimum length, mm, of unsupported or colliding extrusion at one height that is reported."""
 
 _MAX_SAG: Final = 1.15  # strand diameters; the print supports extrusion at most this far above it
-_MOVES_AT_ONCE: Final = 1 << 15  # moves of a program that are checked together
+_MOVES_AT_ONCE: Final = 1 << 14  # moves of a program that are checked together
 _SUPPORT_GAP: Final = 0.32  # mm, gap that slicers leave between supports and the part
 _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as supported
 _MAX_SUPPORT_OVERHANG: Final = 2.8  # mm along the path, the same for supports
