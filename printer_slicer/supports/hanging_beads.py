@@ -129,9 +129,16 @@ def find_hanging_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRul
     return rules.find_hanging(samples, paths, slice(0, samples.count), carried)
 
 
-def find_carried_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRules) -> Bool:
-    """Return which samples (n,) lie on beads below, on the bed, or, if they would hang otherwise, on the part."""
+def find_carried_beads(
+    samples: BeadSamples, paths: Toolpaths, rules: HangingRules, suspect: Bool | None = None
+) -> Bool:
+    """Return which samples (n,) lie on beads below, on the bed, or, if they would hang otherwise, on the part.
+
+    With a mask (S,), those in other layers count as carried.
+    """
     carried = find_carried(samples, paths)
+    if suspect is not None:
+        carried |= ~suspect[paths.layer[samples.path]]
     # Few beads lie on the part, so only those are compared with it that hang otherwise.
     suspect = np.zeros(paths.n_paths, np.bool_)
     suspect[samples.path[rules.find_hanging(samples, paths, slice(0, samples.count), carried)]] = True

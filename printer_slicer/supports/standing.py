@@ -16,7 +16,6 @@ from printer_slicer.supports.carrying import carry_beads, find_contact_areas, fi
 from printer_slicer.supports.hanging_beads import (
     HangingRules,
     find_carried_beads,
-    find_hanging_beads,
     keep_samples,
     remove_hanging,
 )
@@ -79,7 +78,10 @@ def check_standing(
         none = _list_places(samples, paths, hanging)
         paths, suspect = keep_samples(samples, paths, ~hanging), np.append(False, suspect[:-1])
     paths, removed = _remove(paths, rules, suspect)
+    cut_only = not (large.any() or len(removed))
     removed = np.concatenate([none, removed])
+    if cut_only:
+        return StandingSupports(supports, paths, removed)
     return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
 
@@ -89,8 +91,8 @@ def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple
     In all other layers, all beads stand.
     """
     samples = sample_beads(paths, suspect | np.append(suspect[1:], False))
-    hanging = find_hanging_beads(samples, paths, rules)
-    return samples, hanging & suspect[paths.layer[samples.path]]
+    carried = find_carried_beads(samples, paths, rules, suspect)
+    return samples, rules.find_hanging(samples, paths, slice(0, samples.count), carried)
 
 
 def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolpaths, Float]:
