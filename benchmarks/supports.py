@@ -43,7 +43,8 @@ from printer_slicer.profile import Profile, load_profile
 _OURS: Final = ("columns", "tree", "auto")
 _FARTHEST_SHIFT: Final = 0.3  # mm between the part in a file and the mesh
 _EQUAL_BARE: Final = 0.01  # of the overhang
-_PLANS: Final = ("uniform", "adaptive")
+_QUALITIES: Final = {"uniform": "standard", "adaptive": "adaptive"}
+_PLANNERS: Final = {"uniform": "uniform", "adaptive": "optimal"}
 _NO_EXTRAS: Final[Mapping[str, str | float]] = {"skirt_loops": 0, "thickest_layer": 0.3}
 _HEAD: Final = (
     "program",
@@ -163,9 +164,18 @@ def _parser() -> argparse.ArgumentParser:
 def _profile(options: argparse.Namespace, plan: str) -> Profile:
     """Return the common profile for uniform or adaptive layers."""
     typed = dict(change.split("=", 1) for change in options.set)
-    first = {"layer_height": options.height, "first_layer_height": options.height}
-    quality = {"uniform": "standard", "adaptive": "adaptive"}[plan]
-    return load_profile(quality=quality, changes=first | dict(_NO_EXTRAS) | typed)
+    return load_profile(
+        quality=_QUALITIES[plan], changes=layer_changes(plan, options.height, options.height) | typed
+    )
+
+
+def layer_changes(plan: str, height: float, first: float) -> dict[str, str | float]:
+    """Return the settings of layers in common: uniform or adaptive ones.
+
+    The planner is named because a layer height alone chooses uniform layers.
+    """
+    layers: dict[str, str | float] = {"planner.kind": _PLANNERS[plan], "layer_height": height}
+    return layers | {"first_layer_height": first} | dict(_NO_EXTRAS)
 
 
 def _prepare(mesh: Mesh, plan: str, profile: Profile) -> _Job:
@@ -208,12 +218,10 @@ def _our_slice(style: str, plan: str, typed: Sequence[str]) -> Slice:
     def slice_it(part: Part) -> bytes:
         target = part.folder / f"{part.mesh.name}.{plan}.{style}.gcode"
         quality = part.profile.quality
-        changes = dict(_NO_EXTRAS) | {"layer_height": quality.layer_height, "support": style}
-        changes["first_layer_height"] = quality.first_layer_height
-        all_changes = [*(f"{key}={value}" for key, value in changes.items()), *typed]
+        changes = layer_changes(plan, quality.layer_height, quality.first_layer_height)
+        all_changes = [*(f"{key}={value}" for key, value in changes.items()), *typed, f"support={style}"]
         words = [word for change in all_changes for word in ("--set", change)]
-        kind = "standard" if plan == "uniform" else "adaptive"
-        run(ours("slice", str(part.stl), "-o", str(target), "--quality", kind, *words))
+        run(ours("slice", str(part.stl), "-o", str(target), "--quality", _QUALITIES[plan], *words))
         return target.read_bytes()
 
     return slice_it

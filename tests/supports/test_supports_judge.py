@@ -13,13 +13,14 @@ from benchmarks.support_beads import SupportFile, read_supports, support_seconds
 from benchmarks.support_figures import Figures, measure_supports
 from benchmarks.support_parts import arch, figure, read_rotation, support_parts, turned
 from benchmarks.support_solid import Island, Overhang, Solid, find_islands, find_overhang
+from benchmarks.supports import layer_changes
 from printer_slicer import bead
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
 from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
-from printer_slicer.profile import load_profile
+from printer_slicer.profile import OptimalPlanner, UniformPlanner, load_profile
 from tests.parts import box, joined
 from tests.supports.shapes import hook, mushroom, sphere_on_bed, tee
 
@@ -135,6 +136,16 @@ def test_a_model_is_turned_as_its_name_says(tmp_path: Path) -> None:
     for wrong in ("block", "block@60", "block@x60q", "other@x60"):
         with pytest.raises(UsageError):
             list(support_parts(tmp_path, [wrong], load_profile()))
+
+
+def test_adaptive_layers_are_planned() -> None:
+    planned, equal = (
+        load_profile(quality=quality, changes=layer_changes(plan, 0.2, 0.2)).quality.planner
+        for quality, plan in (("adaptive", "adaptive"), ("standard", "uniform"))
+    )
+
+    assert isinstance(planned, OptimalPlanner)
+    assert isinstance(equal, UniformPlanner)
 
 
 def test_islands_are_pieces_that_begin_in_the_air() -> None:
