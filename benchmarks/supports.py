@@ -219,6 +219,8 @@ def _our_slice(style: str, plan: str, typed: Sequence[str]) -> Slice:
         target = part.folder / f"{part.mesh.name}.{plan}.{style}.gcode"
         quality = part.profile.quality
         changes = layer_changes(plan, quality.layer_height, quality.first_layer_height)
+        if plan == "adaptive":
+            del changes["layer_height"]  # our program accepts it for uniform layers only
         all_changes = [*(f"{key}={value}" for key, value in changes.items()), *typed, f"support={style}"]
         words = [word for change in all_changes for word in ("--set", change)]
         run(ours("slice", str(part.stl), "-o", str(target), "--quality", _QUALITIES[plan], *words))
