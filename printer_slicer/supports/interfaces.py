@@ -10,7 +10,7 @@ from printer_slicer.geometry import Areas, difference, intersection, offset, off
 
 __all__ = ["divide_columns"]
 
-_NARROWEST: Final = 1.0  # mm; narrower strips, as under slopes, are not worth closed layers
+_NARROWEST: Final = 1.4  # mm; in narrower strips, as under slopes, lines of closed layers would be too short
 
 _BEYOND_GROUND: Final = 0.2  # mm; the outermost line of a floor has half its width over the part
 
