@@ -72,9 +72,7 @@ def test_settings_that_the_documents_change_can_be_changed_so(key: str, value: s
 
 
 # The dry run is of a large part; the pictures of the gallery are as exact, and of small ones.
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.thorough if name == "dry-run" else ()) for name in BLOCKS]
-)
+@pytest.mark.parametrize("name", BLOCKS)
 def test_results_show_what_the_commands_print(name: str) -> None:
     assert written(name) == BLOCKS[name](), "`just readme` updates it"
 
