@@ -98,7 +98,7 @@ def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Fl
 
 @pytest.mark.parametrize(
     ("name", "style"),
-    [(name, style) for name in ("tee", "hook", "table", "mushroom") for style in STYLE_NAMES],
+    [(name, style) for name in ("tee", "hook", "table") for style in STYLE_NAMES] + [("mushroom", "tree")],
 )
 def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
     supports, paths, *rest = made(name, style)
@@ -108,6 +108,16 @@ def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
     assert standing.supports is supports
     assert standing.paths is paths
     assert not len(standing.removed)
+
+
+def test_only_short_ends_of_interfaces_beyond_the_rows_of_columns_are_taken_out() -> None:
+    supports, paths, *rest = made("mushroom", "columns")
+
+    standing = check_standing(supports, paths, *rest)
+    lost = float(paths.length().sum() - standing.paths.length().sum())
+
+    assert 0 < lost < 5
+    assert np.array_equal(standing.supports.area.area(), supports.area.area())
 
 
 def check_random_solid(seed: int, style: str) -> None:
