@@ -249,12 +249,15 @@ def format_model_names(paths: Sequence[Path]) -> str:
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
 
 
-def keep_freed_memory() -> None:
+def keep_freed_memory(largest: int = _MAX_THRESHOLD) -> None:
     """Make the C library keep freed memory for the next array instead of returning it to the system at once.
 
     Slicing allocates and frees arrays of megabytes all the time. By default the C library requests each of them from
     the system, which clears every page first; this takes a sixth of the CPU time of a large part. Only the command line
     changes the setting, because it applies to the whole process. Only glibc has the setting.
+
+    Args:
+        largest: size of the largest array whose memory is kept, bytes.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -262,7 +265,7 @@ def keep_freed_memory() -> None:
 
     with contextlib.suppress(OSError, AttributeError):
         mallopt = ctypes.CDLL(None).mallopt
-        if not mallopt(_MMAP_THRESHOLD, _MAX_THRESHOLD):
+        if not mallopt(_MMAP_THRESHOLD, largest):
             mallopt(_MMAP_THRESHOLD, _OLD_MAX_THRESHOLD)
         mallopt(_TRIM_THRESHOLD, _MAX_KEPT)
 

@@ -48,6 +48,7 @@ EXAMPLES: Final = """\
   printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
   printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
+_LARGEST_KEPT: Final = 2 << 20  # bytes
 _UNSUPPORTED_REMEDY = "rotate the part, print supports with --supports, or accept it with --allow unsupported"
 
 
@@ -307,11 +308,13 @@ def _find_unsupported(
     arguments: Namespace, name: str, program: Program, profile: Profile
 ) -> tuple[UnsupportedExtrusion, ...]:
     """Return the unsupported extrusion of the part `name`; with --strict, reject it if it is not allowed."""
-    from printer_slicer.cli.models import release_freed_memory
+    from printer_slicer.cli.models import keep_freed_memory, release_freed_memory
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
 
     release_freed_memory()
+    keep_freed_memory(_LARGEST_KEPT)  # only wide layers need larger arrays, and need most of the memory
     found = unsupported_of_program(program, profile)
+    keep_freed_memory()
     if arguments.strict and "unsupported" not in arguments.allow:
         _reject_unsupported(name, found)
     return found
