@@ -227,7 +227,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             le=75,
             own=ANYWHERE,
         ),
-    ] = 30
+    ] = 34
     support_branch_diameter: Annotated[
         float, make_meta("diameter of branches just below their tips", "mm", ge=0.5, le=20, own=ANYWHERE)
     ] = 2

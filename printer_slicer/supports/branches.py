@@ -5,17 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
-from printer_slicer.geometry import Areas, depths, find_enclosing_rings, normalize, offset, split_connected
+from printer_slicer.geometry import (
+    Areas,
+    depths,
+    find_enclosing_rings,
+    normalize,
+    offset,
+    split_connected,
+    union,
+)
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import LayerPlan
 from printer_slicer.supports.tree_settings import TreeSettings
 
-__all__ = ["draw_branches", "draw_discs", "find_closed_discs", "find_second_loops"]
+__all__ = ["draw_branches", "draw_discs", "find_closed_discs", "find_second_loops", "round_notches"]
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
 _LONGEST_BRIDGE = 0.6  # mm of a loop that may hang, measured between points of the outline
+_SHARP = np.deg2rad(30.0)  # at sharper corners the nozzle stops
 _THICK = 1.5  # mm; circles of a larger radius get many corners
 
 
@@ -45,6 +54,25 @@ def draw_branches(pieces: Float, height: Float, layers: LayerPlan, settings: Tre
     widening = np.maximum(foot - disc[:, 0], 0.0) * settings.slope / 2
     radius = disc[:, 3] + np.where(layer == 0, foot, widening)
     return normalize(draw_discs(disc[:, 1:3], radius, layer, layers.n_layers))
+
+
+def round_notches(base: Areas, radius: float) -> Areas:
+    """Return branches with notches between joined discs filled, so that no concave corner is sharper than `radius`, mm.
+
+    At a sharp corner the nozzle stops.
+    """
+    side = base.xy[base.following] - base.xy
+    turn = np.zeros(len(side))
+    after = side[base.following]
+    turn[base.following] = np.arctan2(
+        side[:, 0] * after[:, 1] - side[:, 1] * after[:, 0], (side * after).sum(axis=1)
+    )
+    notched = np.bincount(base.point_ring, turn < -_SHARP, minlength=base.n_rings) > 0
+    pieces = split_connected(base)
+    which = np.zeros(pieces.count, np.bool_)
+    which[pieces.of_ring[notched & (pieces.of_ring >= 0)]] = True
+    sharp, others = (pieces.on_layers(base.n_layers, np.flatnonzero(some)) for some in (which, ~which))
+    return union(offset(offset(sharp, radius), -radius, join="round"), others)
 
 
 def draw_discs(middle: Float, radius: Float, layer: Int, n_layers: int) -> Areas:

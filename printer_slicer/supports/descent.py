@@ -142,7 +142,7 @@ def descend(tips: Float, starts: Starts, fields: Fields, settings: TreeSettings)
         if not len(live.node):
             continue
         live = _arrive(live, floor, nodes, fields, settings)
-        live = _end_on_part(live, floor, nodes, fields, settings)
+        live = _end_on_part(live, floor, nodes, fields)
         if floor and len(live.node):
             live = _go_down(live, floor, fields, settings)
     low = np.flatnonzero(starts.floor == 0)  # their first piece ends on the bed
@@ -195,15 +195,13 @@ def _arrive(
     return replace(merged, node=node)
 
 
-def _end_on_part(
-    live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields, settings: TreeSettings
-) -> LiveBranches:
+def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields) -> LiveBranches:
     """End the branches that stand on the part under this floor; return the others."""
     if not floor:
         return live
     room = fields.landing[floor].ravel()[live.cell]
-    cheapest = _pick(live.to_bed, floor, live.cell, fields, "price") >= settings.scar_price - 1e-3
-    cheapest &= _pick(live.to_bed, floor, live.cell, fields, "price") <= settings.scar_price + 1e-3
+    price = _pick(live.to_bed, floor, live.cell, fields, "price")
+    cheapest = np.abs(price - fields.scar[floor].ravel()[live.cell]) <= 1e-3
     ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, floor, fields))
     here = live.take(ends)
     if len(here.node):

@@ -29,6 +29,8 @@ STOREY_RATIO = 3.0  # height of a storey, in cells
 _MOST_CELLS = 6e6  # in all storeys; large parts get larger cells
 _MARGIN = 15.0  # mm around the part in which branches may go
 _HALF_DIAGONAL = 0.35  # cells; the outline of a solid may pass beside the middles of its cells
+_LEVEL = 0.6  # mm by which a level surface may vary between cells
+_STEEP_PRICE = 5.0  # times the price of standing on a level surface
 _STEEPEST = (
     1.1  # mm by which a surface may vary between cells around a branch that stands on it, about 40 degrees
 )
@@ -85,6 +87,7 @@ class Fields(Struct, frozen=True, eq=False):
         solid: (F, n_rows, n_columns) where the part is in the storey above each floor.
         clear: (F, n_rows, n_columns) the thickest branch that keeps its distance there, mm.
         landing: (F, n_rows, n_columns) the thickest branch that may end on the part's surface under the floor, mm.
+        scar: (F, n_rows, n_columns) length of branch that must be saved for ending there on the part, mm.
         surface: (F, n_rows, n_columns) z of the highest surface of the part under each floor, mm; -inf: none.
         to_bed: ways that end on the bed.
         to_any: ways that end on the bed or on the part.
@@ -96,6 +99,7 @@ class Fields(Struct, frozen=True, eq=False):
     solid: Bool
     clear: Float32
     landing: Float32
+    scar: Float32
     surface: Float32
     to_bed: Ways
     to_any: Ways
@@ -129,14 +133,15 @@ def build_fields(
     margin = np.float32(settings.xy_gap + _HALF_DIAGONAL * grid.cell)
     reach = settings.largest_radius + float(margin)
     clear = _measure_clearance(solid, grid.cell, reach) - margin
-    landing = np.full_like(clear, -1.0)
+    landing, scar = np.full_like(clear, -1.0), np.full_like(clear, settings.scar_price)
     if not settings.on_bed_only:
-        landing = _measure_landings((solid, surface), grid.cell, reach) - margin
+        landing, level = (one - margin for one in _measure_landings((solid, surface), grid.cell, reach))
+        scar[level < settings.tip_radius] *= _STEEP_PRICE
     moves = CellMoves.within(settings.slope * storey, storey, grid.cell)
     on_bed = _measure_bed(grid, bed, settings.largest_radius)
-    to_bed = find_ways(clear, np.full_like(landing, -1.0), on_bed, moves, settings)
-    to_any = find_ways(clear, landing, on_bed, moves, settings) if (landing > 0).any() else to_bed
-    return Fields(grid, storey, moves, solid, clear, landing, surface, to_bed, to_any)
+    to_bed = find_ways(clear, (np.full_like(landing, -1.0), scar), on_bed, moves, settings)
+    to_any = find_ways(clear, (landing, scar), on_bed, moves, settings) if (landing > 0).any() else to_bed
+    return Fields(grid, storey, moves, solid, clear, landing, scar, surface, to_bed, to_any)
 
 
 def _choose_grid(sections: Sections, highest: float, bed: tuple[Float, Float]) -> tuple[CellGrid, float]:
@@ -183,8 +188,8 @@ def _find_surfaces(tops: Float32) -> Float32:
     return result
 
 
-def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -> Float32:
-    """Return how far it is from each cell on each floor to where the surface below is steep, mm.
+def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -> tuple[Float32, Float32]:
+    """Return how far it is from each cell on each floor to where the surface below is steep, or not level, mm.
 
     Only cells with the part in the storey right under the floor have a distance above 0. The surface around them may
     lie in lower storeys.
@@ -195,16 +200,17 @@ def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -
         reach: largest distance, mm.
     """
     solid, surface = fields
-    result = np.zeros(solid.shape, np.float32)
+    gentle, level = np.zeros(solid.shape, np.float32), np.zeros(solid.shape, np.float32)
     for floor in range(1, len(solid)):
         top = solid[floor - 1] & ~solid[floor]
         if not top.any():
             continue
         under = surface[floor]
         with np.errstate(invalid="ignore"):
-            level = highest_within(under, _AROUND) + highest_within(-under, _AROUND) <= _STEEPEST
-        result[floor] = np.where(top, clearance(~level, cell, reach), 0.0)
-    return result
+            change = highest_within(under, _AROUND) + highest_within(-under, _AROUND)
+            for result, most in ((gentle, _STEEPEST), (level, _LEVEL)):
+                result[floor] = np.where(top, clearance(~(change <= most), cell, reach), 0.0)
+    return gentle, level
 
 
 def _measure_clearance(solid: Bool, cell: float, reach: float) -> Float32:
@@ -226,18 +232,22 @@ def _measure_bed(grid: CellGrid, bed: tuple[Float, Float], most: float) -> Float
 
 
 def find_ways(
-    clear: Float32, landing: Float32, on_bed: Float32, moves: CellMoves, settings: TreeSettings
+    clear: Float32,
+    ends: tuple[Float32, Float32],
+    on_bed: Float32,
+    moves: CellMoves,
+    settings: TreeSettings,
 ) -> Ways:
     """Compute from the bed upwards how thick a branch gets to its end from each cell, and the cheapest length.
 
     Args:
         clear: (F, n_rows, n_columns) the thickest branch that keeps its distance in the storey above each floor, mm.
-        landing: (F, n_rows, n_columns) the thickest branch that may end on the part under each floor, mm.
+        ends: (F, n_rows, n_columns) the thickest branch that may end on the part under each floor, and its price, mm.
         on_bed: (n_rows, n_columns) the thickest branch that may stand on the bed, mm.
         moves: from floor to floor.
         settings: of trees.
     """
-    thin = settings.tip_radius
+    thin, (landing, scar) = settings.tip_radius, ends
     radius, free, price = np.full_like(clear, -1.0), np.full_like(clear, -1.0), np.full_like(clear, np.inf)
     radius[0] = on_bed
     price[0][on_bed >= thin] = 0.0
@@ -249,5 +259,5 @@ def find_ways(
         free[floor] = np.minimum(clear[floor], radius[floor])
         open_below = np.where(free[below] >= thin, price[below], np.inf).astype(np.float32)
         onward = np.where(way >= thin, cheapest_within(open_below, moves.step, moves.length), np.inf)
-        price[floor] = np.where(landing[floor] >= thin, np.minimum(onward, settings.scar_price), onward)
+        price[floor] = np.where(landing[floor] >= thin, np.minimum(onward, scar[floor]), onward)
     return Ways(radius, free, price)

@@ -14,6 +14,7 @@ from printer_slicer.values import Struct, replace
 __all__ = ["LiveBranches", "choose_goals", "encloses_part", "join_branches"]
 
 _PARTNERS = 3  # nearest branches that are considered
+_FARTHER = 1.5  # times the distance of the nearest branch, at which a partner may be
 _SAMPLES = 9  # along and down the triangle between two branches
 _ROUNDING = 1e-5  # mm
 
@@ -68,10 +69,48 @@ def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeS
     free = ~encloses_part(live.head[own], live.head[other], meeting, fields)
     own, other, gap = own[free], other[free], gap[free]
     first = run_starts(own)
-    own, other, gap = own[first], other[first], gap[first]
-    step = np.minimum(gap / 2, settings.slow_slope * fields.storey) / np.maximum(gap, 1e-9)
-    result[own] = here[own] + step[:, None] * (here[other] - here[own])
+    mate = _match_nearest(own, other, gap, len(here))
+    # Branches that are left over follow the pair of their nearest one.
+    meeting = np.where((mate >= 0)[:, None], (here + here[mate]) / 2, here)
+    goal = meeting.copy()
+    left = first & (mate[own] < 0)
+    goal[own[left]] = meeting[other[left]]
+    led = np.flatnonzero((mate >= 0) | np.isin(np.arange(len(here)), own))
+    way = goal[led] - here[led]
+    length = norm(way)
+    step = np.minimum(length, settings.slow_slope * fields.storey) / np.maximum(length, 1e-9)
+    result[led] = here[led] + step[:, None] * way
     return result
+
+
+def _match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
+    """Return the partner (n,) of each branch, the nearest pairs first; -1 for those left over.
+
+    A partner is not much farther away than the nearest other branch.
+
+    Args:
+        one: (P,) branches that may meet others.
+        other: (P,) these.
+        gap: (P,) between them, mm.
+        n: number of branches.
+    """
+    mate, nearest = np.full(n, -1), np.full(n, np.inf)
+    for side in (one, other):
+        np.minimum.at(nearest, side, gap)
+    close = gap <= _FARTHER * np.minimum(nearest[one], nearest[other])
+    one, other, gap = one[close], other[close], gap[close]
+    order = np.lexsort((np.maximum(one, other), np.minimum(one, other), np.round(gap, 6)))
+    one, other = one[order], other[order]
+    while len(one):
+        rank = np.arange(len(one))
+        first = np.full(n, len(one))
+        np.minimum.at(first, one, rank)
+        np.minimum.at(first, other, rank)
+        kept = (first[one] == rank) & (first[other] == rank)
+        mate[one[kept]], mate[other[kept]] = other[kept], one[kept]
+        rest = (mate[one] < 0) & (mate[other] < 0)
+        one, other = one[rest], other[rest]
+    return mate
 
 
 def _estimate_height(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> Float:

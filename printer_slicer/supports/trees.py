@@ -13,13 +13,14 @@ from printer_slicer.geometry import (
     offset,
     offset_open,
     split_connected,
+    union,
 )
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
-from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs
+from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs, round_notches
 from printer_slicer.supports.descent import descend
 from printer_slicer.supports.fields import Fields, build_fields
 from printer_slicer.supports.roofs import (
@@ -53,6 +54,7 @@ _ATTEMPTS = 5  # rounds of tips, of which the first one is for islands
 _LEAST_BOTTOM_GAP = (
     0.5  # of the gap; the layers are not planned for ends on the part, which must not be too far above it
 )
+_NOTCH = 0.15  # mm, smallest radius of corners between branches that touch
 _THINNEST = 0.4  # extrusion widths; narrower rests of branches are left out
 
 
@@ -106,14 +108,17 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
 
 
 def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
-    """Return branches without what is blocked, without roofs, and without rests too small for a loop."""
+    """Return branches without what is blocked, without roofs, and without rests too small for a loop.
+
+    Notches between branches that touch are rounded, except near what is blocked.
+    """
     pieces = split_connected(base)
     near = Boxes(*pieces.areas.boxes(), pieces.layer).touches_any(Boxes.of_rings(blocked.merge(roofs)))
     touched, free = (pieces.on_layers(base.n_layers, np.flatnonzero(which)) for which in (near, ~near))
     rest = offset_open(difference(difference(touched, blocked), roofs), _THINNEST * width)
     rests = split_connected(rest)
     large = rests.on_layers(base.n_layers, np.flatnonzero(rests.areas.area() >= width**2))
-    return free.merge(large)
+    return union(round_notches(free, _NOTCH), large)
 
 
 def _find_hollow(base: Areas, settings: TreeSettings) -> tuple[Areas, Areas]:

@@ -56,7 +56,7 @@ def test_one_field_tells_for_every_radius_what_a_search_finds(seed: int, radius:
     _, clear, landing, on_bed = random_fields(seed)
     moves = CellMoves.within(slope * STOREY, STOREY, CELL)
 
-    ways = find_ways(clear, landing, on_bed, moves, SETTINGS)
+    ways = find_ways(clear, (landing, np.full_like(clear, 20.0)), on_bed, moves, SETTINGS)
 
     assert (reachable(clear, landing, on_bed, moves, radius) == (ways.radius >= radius)).all()
     # Only where a thin branch gets through is there a price, at least that of going straight down.
@@ -71,7 +71,13 @@ def test_over_an_empty_bed_the_way_is_straight_down() -> None:
     clear = np.full((SIDE, SIDE, SIDE), 2.0, np.float32)
     moves = CellMoves.within(STOREY, STOREY, CELL)
 
-    ways = find_ways(clear, np.full_like(clear, -1), np.full((SIDE, SIDE), 2.0, np.float32), moves, SETTINGS)
+    ways = find_ways(
+        clear,
+        (np.full_like(clear, -1), np.full_like(clear, 20.0)),
+        np.full((SIDE, SIDE), 2.0, np.float32),
+        moves,
+        SETTINGS,
+    )
 
     assert (ways.radius == 2.0).all()
     assert ways.price[-1] == pytest.approx((SIDE - 1) * STOREY, rel=1e-5)
