@@ -11,7 +11,7 @@ from printer_slicer.supports.fields import Fields
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct, replace
 
-__all__ = ["LiveBranches", "choose_goals", "encloses_part", "join_branches"]
+__all__ = ["LiveBranches", "choose_goals", "encloses_part", "join_branches", "match_nearest"]
 
 _PARTNERS = 3  # nearest branches that are considered
 _FARTHER = 1.5  # times the distance of the nearest branch, at which a partner may be
@@ -69,7 +69,7 @@ def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeS
     free = ~encloses_part(live.head[own], live.head[other], meeting, fields)
     own, other, gap = own[free], other[free], gap[free]
     first = run_starts(own)
-    mate = _match_nearest(own, other, gap, len(here))
+    mate = match_nearest(own, other, gap, len(here))
     # Branches that are left over follow the pair of their nearest one.
     meeting = np.where((mate >= 0)[:, None], (here + here[mate]) / 2, here)
     goal = meeting.copy()
@@ -83,7 +83,7 @@ def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeS
     return result
 
 
-def _match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
+def match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
     """Return the partner (n,) of each branch, the nearest pairs first; -1 for those left over.
 
     A partner is not much farther away than the nearest other branch.

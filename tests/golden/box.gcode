@@ -672,7 +672,7 @@ M104 S0
 ; quality.support_tip_distance = 5
 ; quality.support_tip_diameter = 1.0
 ; quality.support_tree_angle_deg = 45
-; quality.support_tree_slow_angle_deg = 30
+; quality.support_tree_slow_angle_deg = 34
 ; quality.support_branch_diameter = 2
 ; quality.support_branch_growth_deg = 5
 ; quality.support_scar_price = 20

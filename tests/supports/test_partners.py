@@ -9,7 +9,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.model import Sections
 from printer_slicer.slicing import cut
 from printer_slicer.supports.fields import Fields, build_fields
-from printer_slicer.supports.partners import encloses_part
+from printer_slicer.supports.partners import encloses_part, match_nearest
 from printer_slicer.supports.tree_settings import read_tree_settings
 from tests.parts import box, joined, layers, plain
 from tests.supports.shapes import sphere_on_bed
@@ -47,3 +47,12 @@ def test_a_part_that_hangs_down_between_two_tips_is_not_enclosed() -> None:
     meeting = np.tile([0.0, 0.0, 4.0], (8, 1))
 
     assert not encloses_part(tips, np.roll(tips, 4, axis=0), meeting, fields).any()
+
+
+def test_branches_in_a_row_meet_in_pairs() -> None:
+    """Otherwise each follows the one before it, and only the first two meet."""
+    one, other = np.array([1, 2, 3, 3, 2, 1, 0]), np.array([0, 1, 2, 4, 3, 2, 1])
+
+    mate = match_nearest(one, other, np.full(7, 2.5), 5)
+
+    assert mate.tolist() == [1, 0, 3, 2, -1]
