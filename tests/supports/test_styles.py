@@ -93,7 +93,8 @@ def test_a_low_plate_gets_columns_and_a_high_arm_trees() -> None:
     low = np.arange(2, int(np.searchsorted(supports.plan.layers.top, 7.0)))
     assert (supports.base.area() - supports.hollow.area())[low].min() > 500
     high = np.flatnonzero(supports.plan.layers.top > 20)
-    assert supports.hollow.area()[high[:50]].min() > 0
+    # Where branches join, a layer may be closed.
+    assert (supports.hollow.area() + supports.interface.area())[high[:50]].min() > 0
     assert (supports.base.area() - supports.hollow.area())[high].max() < 1e-3
 
 
