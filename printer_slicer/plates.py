@@ -1,0 +1,93 @@
+"""Arrange parts on as few plates as possible, so that they stand apart on the bed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arguments import check_argument, check_arguments
+from printer_slicer.arranging import Arrangement, PlateRoom, arrange_outlines
+from printer_slicer.errors import UsageError
+from printer_slicer.geometry import Areas, offset, simplify
+from printer_slicer.model import Mesh
+from printer_slicer.placing import join, transform
+from printer_slicer.profile import Profile
+from printer_slicer.surface.top_view import view_from_above
+
+__all__ = ["PART_GAP", "arrange"]
+
+PART_GAP: Final = 6.0
+"""Smallest distance between arranged parts by default, mm."""
+
+_FEW_POINTS: Final = 500  # outlines with more are simplified
+_TOLERANCE: Final = 0.05  # mm, by which such outlines are enlarged, and then at most changed
+
+
+@check_arguments(profile=Profile, gap=(int, float))
+def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) -> tuple[Mesh, ...]:
+    """Arrange parts on as few plates as possible.
+
+    Parts are turned about z and moved. They may stand in holes of other parts, but not below them. A brim or raft of
+    the profile lies around each part within its own place. The same parts always get the same places.
+
+        for plate in ps.arrange(parts, profile):
+            job = ps.job_of(plate, profile, placement=ps.Placement(as_placed=True))
+
+    Args:
+        meshes: the parts; for copies, the same mesh several times.
+        profile: gives the bed, and the width of brim and raft.
+        gap: smallest distance between parts seen from above, mm.
+
+    Returns:
+        One mesh for each plate, at its position on the bed; the parts are its objects.
+
+    Raises:
+        UsageError: there is no part, or the gap is negative.
+        PartError: a part does not fit the bed.
+    """
+    check_argument("meshes", meshes, (list, tuple))
+    for mesh in meshes:
+        check_argument("meshes", mesh, Mesh)
+    if not meshes:
+        raise UsageError("no part to arrange", remedy="Pass at least one part")
+    if not 0 <= gap < np.inf:
+        raise UsageError(f"gap {gap}: must be 0 mm or more", remedy="Choose a distance such as 6")
+    arrangement = _find_places(meshes, profile, gap)
+    moved = [_move_part(mesh, arrangement, part) for part, mesh in enumerate(meshes)]
+    plates = [np.flatnonzero(arrangement.plate == plate) for plate in range(arrangement.n_plates)]
+    return tuple(join([moved[part] for part in parts.tolist()]) for parts in plates)
+
+
+def _find_places(meshes: Sequence[Mesh], profile: Profile, gap: float) -> Arrangement:
+    """Return the places of all parts."""
+    around = _compute_margin(profile)
+    known = {id(mesh): mesh for mesh in meshes}
+    outline_of = {key: _find_outline(mesh, around) for key, mesh in known.items()}
+    low, high = map(np.array, profile.printer.corners)
+    outlines, names = [outline_of[id(mesh)] for mesh in meshes], [mesh.name for mesh in meshes]
+    return arrange_outlines(outlines, names, PlateRoom(low, high, Areas.empty(1)), gap)
+
+
+def _compute_margin(profile: Profile) -> float:
+    """Return how far brim and raft reach beyond a part, mm."""
+    quality = profile.quality
+    brim = quality.brim_gap + quality.brim_width + profile.width_on_bed if quality.brim_width else 0.0
+    raft = quality.raft_margin + profile.width_on_bed if quality.raft_height else 0.0
+    return max(brim, raft)
+
+
+def _find_outline(mesh: Mesh, around: float) -> Areas:
+    """Return the outline of a part seen from above, wider by `around` mm."""
+    outline = view_from_above(mesh)
+    if len(outline.xy) > _FEW_POINTS:
+        outline = simplify(offset(outline, _TOLERANCE, join="round"), _TOLERANCE)
+    return offset(outline, around, join="round") if around else outline
+
+
+def _move_part(mesh: Mesh, arrangement: Arrangement, part: int) -> Mesh:
+    """Return a part at its place on the bed."""
+    turned = transform(mesh, rotate=(0.0, 0.0, float(arrangement.angle[part])))
+    x, y = arrangement.shift[part].tolist()
+    return turned.moved((x, y, -float(turned.bounds[0, 2])))
