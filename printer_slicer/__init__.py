@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     )
     from printer_slicer.pipeline import overhangs, plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, join, place, transform
+    from printer_slicer.plates import arrange
     from printer_slicer.printing import Controls, PrintResult, print_job
     from printer_slicer.profile import Profile
     from printer_slicer.profile.tables import find_settings
@@ -96,6 +97,7 @@ _HOMES = {
     "Verdict": "inspection.dry_run.judging",
     "Volumes": "model",
     "Walls": "model",
+    "arrange": "plates",
     "certify": "surface",
     "check_gcode": "inspection.coverage.model_check",
     "draw": "drawing",
@@ -159,6 +161,7 @@ __all__ = [
     "Verdict",
     "Volumes",
     "Walls",
+    "arrange",
     "certify",
     "check_gcode",
     "draw",

@@ -152,7 +152,7 @@ def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: PlateRoom
     """Move the parts of each plate together to its middle, if nothing on it is excluded."""
     if room.excluded.n_rings or not len(outlines):
         return arrangement
-    boxes = [place_outline(arrangement, outlines, part).boxes() for part in range(len(outlines))]
+    boxes = [_place_outline(arrangement, outlines, part).boxes() for part in range(len(outlines))]
     low, high = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
     shift = arrangement.shift.copy()
     for plate in range(arrangement.n_plates):
@@ -162,7 +162,7 @@ def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: PlateRoom
     return replace(arrangement, shift=shift)
 
 
-def place_outline(arrangement: Arrangement, outlines: Sequence[Areas], part: int) -> Areas:
+def _place_outline(arrangement: Arrangement, outlines: Sequence[Areas], part: int) -> Areas:
     """Return the outline of a part at its place."""
     turned = turn_outline(outlines[part], float(arrangement.angle[part]))
     return replace(turned, xy=turned.xy + arrangement.shift[part])
@@ -176,7 +176,7 @@ def _check_spacing(arrangement: Arrangement, outlines: Sequence[Areas], gap: flo
     """
     for plate in range(arrangement.n_plates):
         here = np.flatnonzero(arrangement.plate == plate).tolist()
-        found = find_smallest_distance([place_outline(arrangement, outlines, part) for part in here], gap)
+        found = find_smallest_distance([_place_outline(arrangement, outlines, part) for part in here], gap)
         if found < gap:
             raise ValueError(f"parts on plate {plate + 1} are {found:g} mm apart instead of {gap:g} mm")
 

@@ -1,0 +1,104 @@
+"""Parts are arranged on plates: apart from each other, on the bed, all of them once."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import inf
+
+import numpy as np
+import pytest
+import shapely
+
+import printer_slicer as ps
+from printer_slicer.plates import PART_GAP
+from printer_slicer.surface.top_view import view_from_above
+from tests.parts import box, box_with_hole, joined
+
+PROFILE = ps.load_profile("marlin_220", quality="standard")
+TABLE = ps.Mesh(joined([box((4, 4, 20), at=(18, 18, 0)), box((40, 40, 4), at=(0, 0, 20))]).triangles, "table")
+
+
+def named(name: str, size: tuple[float, float, float]) -> ps.Mesh:
+    """Return a box with a name."""
+    return ps.Mesh(box(size).triangles, name)
+
+
+def seen(mesh: ps.Mesh) -> shapely.Geometry:
+    """Return a part as seen from above, by shapely."""
+    return shapely.union_all([shapely.Polygon(one) for one in mesh.triangles[:, :, :2]])
+
+
+def split(plate: ps.Mesh) -> list[ps.Mesh]:
+    """Return the parts of a plate."""
+    return [
+        ps.Mesh(plate.triangles[one.first : one.first + one.count], one.name) for one in plate.objects
+    ] or [plate]
+
+
+def test_the_outline_from_above_includes_what_hangs_over_and_leaves_holes_open() -> None:
+    frame = ps.Mesh(box_with_hole((30, 30, 6), (20, 20)).triangles)
+    assert view_from_above(TABLE).area().sum() == pytest.approx(1600)
+    assert view_from_above(frame).area().sum() == pytest.approx(500)
+
+
+def test_parts_that_overlap_in_their_files_stand_apart_on_the_bed() -> None:
+    parts = [TABLE, named("bar", (60, 10, 5)), named("cube", (25, 25, 25)), named("tile", (80, 50, 3))]
+    (plate,) = ps.arrange(parts, PROFILE)
+    there = split(plate)
+    assert [one.name for one in there] == [one.name for one in parts]
+    assert all(one.bounds[0, 2] == 0 for one in there)
+    for a, b in combinations(there, 2):
+        assert seen(a).distance(seen(b)) >= PART_GAP
+    low, high = np.array(PROFILE.printer.corners)
+    assert (plate.bounds[0, :2] >= low).all()
+    assert (plate.bounds[1, :2] <= high).all()
+    stages = ps.slice_stages(plate, PROFILE, placement=ps.Placement(as_placed=True))
+    assert stages.labels is not None
+    assert len(stages.labels.names) == 4
+
+
+def test_copies_fill_several_plates() -> None:
+    tile = named("tile", (100, 100, 2))
+    plates = ps.arrange([tile] * 9, PROFILE)
+    assert [len(split(plate)) for plate in plates] == [4, 4, 1]
+
+
+def test_a_part_keeps_its_volume_and_its_height() -> None:
+    (plate,) = ps.arrange([TABLE], PROFILE)
+    assert plate.volume == pytest.approx(TABLE.volume)
+    assert plate.height == TABLE.height
+
+
+def test_a_brim_lies_between_the_parts() -> None:
+    wide = ps.profile_with(PROFILE, {"brim_width": 10})
+    (plate,) = ps.arrange([named("one", (20, 20, 5)), named("two", (20, 20, 5))], wide)
+    one, two = split(plate)
+    assert seen(one).distance(seen(two)) >= PART_GAP + 20
+
+
+def test_a_raft_counts_as_a_part_of_the_outline() -> None:
+    on_raft = ps.profile_with(PROFILE, {"raft_height": 1, "raft_margin": 7})
+    (plate,) = ps.arrange([named("one", (20, 20, 5)), named("two", (20, 20, 5))], on_raft)
+    one, two = split(plate)
+    assert seen(one).distance(seen(two)) >= PART_GAP + 14
+
+
+def test_a_part_as_large_as_the_bed_fits() -> None:
+    (plate,) = ps.arrange([named("sheet", (220, 220, 1))], PROFILE)
+    assert plate.bounds[0, :2].tolist() == pytest.approx([0, 0])
+
+
+def test_a_part_larger_than_the_bed_is_named() -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=r"beam: 400 x 10 mm does not fit .* mm in"):
+        ps.arrange([named("cube", (20, 20, 20)), named("beam", (400, 10, 10))], PROFILE)
+
+
+@pytest.mark.parametrize("gap", [-1, inf, float("nan")])
+def test_a_gap_that_is_no_distance_is_rejected(gap: float) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match="gap"):
+        ps.arrange([TABLE], PROFILE, gap=gap)
+
+
+def test_no_parts_are_rejected() -> None:
+    with pytest.raises(ps.PrinterSlicerError, match="no part to arrange"):
+        ps.arrange([], PROFILE)
