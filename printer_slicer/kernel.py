@@ -530,7 +530,7 @@ class Kernel(Protocol):
             counts: (A,) int64, number of sides of each area; at least one.
 
         Returns:
-            The arrays of `RawDiagrams`.
+            The arrays of `_RawDiagrams`.
 
         Raises:
             ValueError: the numbers of sides do not match, a coordinate has more than 32 bits, or sides cross.

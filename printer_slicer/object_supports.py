@@ -150,21 +150,21 @@ def make_object_supports(
     if not alike:
         return None, []
     from printer_slicer.support_times import measure_group_times  # noqa: PLC0415 - most parts have no supports
-    from printer_slicer.supports.landings import find_landings  # noqa: PLC0415
     from printer_slicer.supports.levels import plan_shared_layers  # noqa: PLC0415
     from printer_slicer.supports.stacking import make_obstacles  # noqa: PLC0415
     from printer_slicer.supports.styles import make_supports  # noqa: PLC0415
+    from printer_slicer.supports.upward_faces import find_upward_faces  # noqa: PLC0415
 
     report("supports")
     groups = list(alike.values())
     together = [Overhangs.joined([one.overhangs for one in group]) for group in groups]
     profiles = [group[0].profile for group in groups]
     made, obstacles = [], [fill_layers(sections)]
-    floors = [
-        find_landings(overhangs, obstacles[0]) + profile.quality.support_bottom_gap
+    start_heights = [
+        find_upward_faces(overhangs, obstacles[0]) + profile.quality.support_bottom_gap
         for overhangs, profile in zip(together, profiles, strict=True)
     ]
-    plans = plan_shared_layers(list(zip(together, profiles, strict=True)), np.concatenate(floors))
+    plans = plan_shared_layers(list(zip(together, profiles, strict=True)), np.concatenate(start_heights))
     for overhangs, plan, profile in zip(together, plans, profiles, strict=True):
         made.append(make_supports(overhangs, plan, fill_layers(obstacles), profile, measure_group_times))
         obstacles.append(make_obstacles(made[-1].supports))

@@ -11,9 +11,10 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, intersection, normalize
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connected_areas import split_connected
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.model import Mesh
-from printer_slicer.surface.top_view import join_tiles, project_in_tiles
+from printer_slicer.surface.top_view import project_in_tiles
 
 __all__ = ["Overlap", "find_collisions", "find_overlaps"]
 
@@ -50,7 +51,7 @@ def find_overlaps(meshes: Sequence[Mesh]) -> Iterator[Overlap]:
         for first in np.flatnonzero((room > _LEAST).all(axis=1)).tolist():
             window = np.maximum(low[first], low[second]), np.minimum(high[first], high[second])
             common = intersection(*(project_in_tiles(meshes[at], *window) for at in (first, second)))
-            size, area = _measure_overlaps(join_tiles(common))
+            size, area = _measure_overlaps(unite_layers(common))
             if len(size):
                 width, depth = size[np.argmax(area)].tolist()
                 yield Overlap(first, second, width, depth, len(size))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from math import cos, isfinite, radians, sin
+from math import isfinite
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
+from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, facet_blocks
 from printer_slicer.mesh_io.units import UNIT_NAMES
@@ -28,8 +29,6 @@ COPY_GAP: Final = 8.0
 """Distance between copies of a part, mm."""
 
 _SLACK: Final = 1e-6  # mm
-_QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
-"""Exact cosine and sine of quarter turns, so that horizontal facets stay exactly horizontal."""
 
 
 class Placement(Struct, frozen=True):
@@ -243,7 +242,7 @@ def _format_factors(factors: Float) -> str:
 
 def _make_rotation_matrix(axis: int, angle: float) -> Float:
     """Return the (3, 3) rotation matrix about an axis, for column vectors; angle in degrees."""
-    c, s = _QUARTERS.get(angle % 360.0, (cos(radians(angle)), sin(radians(angle))))
+    c, s = cosine_and_sine(angle)
     one, two = (axis + 1) % 3, (axis + 2) % 3
     turn = np.eye(3)
     turn[one, one] = turn[two, two] = c

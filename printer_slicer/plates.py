@@ -1,4 +1,4 @@
-"""Arrange parts on as few plates as possible, so that they stand apart on the bed."""
+"""Arrange parts on few plates, so that they stand apart on the bed."""
 
 from __future__ import annotations
 
@@ -8,29 +8,30 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arguments import check_argument, check_arguments
-from printer_slicer.arranging import Arrangement, PlateRoom, arrange_outlines
+from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry import Areas, offset, simplify
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
 from printer_slicer.profile import Profile
-from printer_slicer.surface.top_view import view_from_above
+from printer_slicer.surface.top_view import project_from_above
 
 __all__ = ["PART_GAP", "arrange"]
 
 PART_GAP: Final = 6.0
 """Smallest distance between arranged parts by default, mm."""
 
-_FEW_POINTS: Final = 500  # outlines with more are simplified
-_TOLERANCE: Final = 0.05  # mm, by which such outlines are enlarged, and then at most changed
+_MAX_POINTS: Final = 500  # of outlines that are not simplified
+_TOLERANCE: Final = 0.05  # mm; larger outlines are enlarged by this, then simplified within it
 
 
 @check_arguments(profile=Profile, gap=(int, float))
 def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) -> tuple[Mesh, ...]:
-    """Arrange parts on as few plates as possible.
+    """Arrange parts on few plates.
 
-    Parts are turned about z and moved. They may stand in holes of other parts, but not below them. A brim or raft of
-    the profile lies around each part within its own place. The same parts always get the same places.
+    Parts are rotated about z and moved. A part may stand in a hole of another part, but not below an overhang of it. If
+    the profile has a brim or a raft, `gap` is the distance between these. There is no extra room for supports. The same
+    parts always get the same places.
 
         for plate in ps.arrange(parts, profile):
             job = ps.job_of(plate, profile, placement=ps.Placement(as_placed=True))
@@ -67,7 +68,7 @@ def _find_places(meshes: Sequence[Mesh], profile: Profile, gap: float) -> Arrang
     outline_of = {key: _find_outline(mesh, around) for key, mesh in known.items()}
     low, high = map(np.array, profile.printer.corners)
     outlines, names = [outline_of[id(mesh)] for mesh in meshes], [mesh.name for mesh in meshes]
-    return arrange_outlines(outlines, names, PlateRoom(low, high, Areas.empty(1)), gap)
+    return arrange_outlines(outlines, names, FreeArea(low, high, Areas.empty(1)), gap)
 
 
 def _compute_margin(profile: Profile) -> float:
@@ -80,8 +81,8 @@ def _compute_margin(profile: Profile) -> float:
 
 def _find_outline(mesh: Mesh, around: float) -> Areas:
     """Return the outline of a part seen from above, wider by `around` mm."""
-    outline = view_from_above(mesh)
-    if len(outline.xy) > _FEW_POINTS:
+    outline = project_from_above(mesh)
+    if len(outline.xy) > _MAX_POINTS:
         outline = simplify(offset(outline, _TOLERANCE, join="round"), _TOLERANCE)
     return offset(outline, around, join="round") if around else outline
 

@@ -11,7 +11,7 @@ import shapely
 
 import printer_slicer as ps
 from printer_slicer.plates import PART_GAP
-from printer_slicer.surface.top_view import view_from_above
+from printer_slicer.surface.top_view import project_from_above
 from tests.parts import box, box_with_hole, joined
 
 PROFILE = ps.load_profile("marlin_220", quality="standard")
@@ -37,8 +37,8 @@ def split(plate: ps.Mesh) -> list[ps.Mesh]:
 
 def test_the_outline_from_above_includes_what_hangs_over_and_leaves_holes_open() -> None:
     frame = ps.Mesh(box_with_hole((30, 30, 6), (20, 20)).triangles)
-    assert view_from_above(TABLE).area().sum() == pytest.approx(1600)
-    assert view_from_above(frame).area().sum() == pytest.approx(500)
+    assert project_from_above(TABLE).area().sum() == pytest.approx(1600)
+    assert project_from_above(frame).area().sum() == pytest.approx(500)
 
 
 def test_parts_that_overlap_in_their_files_stand_apart_on_the_bed() -> None:
@@ -89,7 +89,10 @@ def test_a_part_as_large_as_the_bed_fits() -> None:
 
 
 def test_a_part_larger_than_the_bed_is_named() -> None:
-    with pytest.raises(ps.PrinterSlicerError, match=r"beam: 400 x 10 mm does not fit .* mm in"):
+    with pytest.raises(
+        ps.PrinterSlicerError,
+        match=r"beam: the part, with brim and raft, is .* mm in x .* too large",
+    ):
         ps.arrange([named("cube", (20, 20, 20)), named("beam", (400, 10, 10))], PROFILE)
 
 

@@ -1,9 +1,9 @@
-"""Arrange parts on as few plates as possible: where each part goes, and how it is turned about z.
+"""Arrange parts on few plates: where each part stands, and how it is rotated about z.
 
 outlines -> footprints on a raster (`footprints`) -> places (`packing`) -> exact check (`spacing`) -> `Arrangement`
 """
 
 from printer_slicer.arranging.arrange import arrange_outlines
-from printer_slicer.arranging.arrangement import Arrangement, PlateRoom
+from printer_slicer.arranging.arrangement import Arrangement, FreeArea
 
-__all__ = ["Arrangement", "PlateRoom", "arrange_outlines"]
+__all__ = ["Arrangement", "FreeArea", "arrange_outlines"]

@@ -1,4 +1,4 @@
-"""Arrange the outlines of parts on as few plates as possible."""
+"""Arrange the outlines of parts on few plates."""
 
 from __future__ import annotations
 
@@ -7,42 +7,42 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arranging.arrangement import Arrangement, PlateRoom
+from printer_slicer.arranging.arrangement import Arrangement, FreeArea
 from printer_slicer.arranging.footprints import (
     Footprint,
     find_touched_cells,
     list_footprints,
-    turn_outline,
+    rotate_outline,
 )
-from printer_slicer.arranging.packing import Packing, pack
+from printer_slicer.arranging.packing import Packing, PlateCells, pack
 from printer_slicer.arranging.spacing import find_smallest_distance
-from printer_slicer.arrays import Bool, Int
+from printer_slicer.arrays import Int
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.raster import CellGrid
 from printer_slicer.values import replace
 
-__all__ = ["TURNS", "arrange_outlines"]
+__all__ = ["ROTATIONS", "arrange_outlines"]
 
-TURNS: Final = tuple(float(angle) for angle in range(0, 360, 45))
-"""Turns about z that are tried, degrees."""
+ROTATIONS: Final = tuple(float(angle) for angle in range(0, 360, 45))
+"""Rotations about z that are tried, degrees."""
 
 _CELLS: Final = 250  # along the longer side of a plate
 _FINEST: Final = 0.5  # mm
 _RANDOM_ORDERS: Final = 5
 _FINAL_ORDERS: Final = 2  # that are tried on the fine raster
-_SWAPPED: Final = 0.15  # of the largest size; parts that differ by less may change places in a random order
+_AREA_NOISE: Final = 0.15  # standard deviation of random changes of areas, relative to the largest area
 _SEED: Final = 1
 
 
 def arrange_outlines(
     outlines: Sequence[Areas],
     names: Sequence[str],
-    room: PlateRoom,
+    room: FreeArea,
     gap: float,
-    turns: Sequence[float] = TURNS,
+    rotations: Sequence[float] = ROTATIONS,
 ) -> Arrangement:
-    """Find places for parts on as few plates as possible.
+    """Find places for parts on few plates.
 
     Parts may stand in holes of others. Several orders are tried, the largest parts first, and the same parts always get
     the same places. Parts on a plate without excluded areas stand in its middle.
@@ -52,23 +52,23 @@ def arrange_outlines(
         names: of the parts, for messages.
         room: where parts may stand; the same for all plates.
         gap: smallest distance between parts, mm.
-        turns: turns about z that are allowed, degrees.
+        rotations: about z that are allowed, degrees.
 
     Raises:
         PartError: a part does not fit an empty plate.
     """
     cell = max(float(room.size.max()) / _CELLS, _FINEST)
-    coarse = _list_footprints(outlines, turns, gap, 2 * cell)
+    coarse = _list_footprints(outlines, rotations, gap, 2 * cell)
     for name, own in zip(names, coarse, strict=True):
         _check_size(name, own, room)
-    orders = _list_best_orders(coarse, _find_excluded_cells(room, 2 * cell))
-    fine, excluded = _list_footprints(outlines, turns, gap, cell), _find_excluded_cells(room, cell)
-    packings = [pack(fine, order, excluded) for order in orders]
+    orders = _list_best_orders(coarse, _make_plate(room, 2 * cell))
+    fine, plate = _list_footprints(outlines, rotations, gap, cell), _make_plate(room, cell)
+    packings = [pack(fine, order, plate) for order in orders]
     best = min((one for one in packings if one), key=lambda one: (one.n_plates, one.last_share), default=None)
     if best is None:
         raise PartError(
-            f"{_name_unplaced(names, fine, excluded)}: the part fits nowhere beside the excluded areas of the bed",
-            remedy="Use a larger printer, or scale or turn the part",
+            f"{_name_unplaced(names, fine, plate)}: the part does not fit beside the excluded areas of the plate",
+            remedy="Choose a larger printer, or scale the part",
         )
     arrangement = _center(_read_places(best, fine, room, cell), outlines, room)
     _check_spacing(arrangement, outlines, gap)
@@ -76,50 +76,52 @@ def arrange_outlines(
 
 
 def _list_footprints(
-    outlines: Sequence[Areas], turns: Sequence[float], gap: float, cell: float
+    outlines: Sequence[Areas], rotations: Sequence[float], gap: float, cell: float
 ) -> list[list[Footprint]]:
     """Return the footprints of all parts; copies share theirs."""
     known: dict[int, list[Footprint]] = {}
     for outline in outlines:
         if id(outline) not in known:
-            known[id(outline)] = list_footprints(outline, turns, gap, cell)
+            known[id(outline)] = list_footprints(outline, rotations, gap, cell)
     return [known[id(outline)] for outline in outlines]
 
 
-def _find_excluded_cells(room: PlateRoom, cell: float) -> Bool:
-    """Return the mask of the cells of a plate in which nothing may stand."""
-    columns, rows = np.floor(room.size / cell + 1e-9).astype(np.int64).tolist()
+def _make_plate(room: FreeArea, cell: float) -> PlateCells:
+    """Return the cells of a plate, and in which of them nothing may stand."""
+    columns, rows = np.ceil(room.size / cell - 1e-9).astype(np.int64).tolist()
     grid = CellGrid(float(room.low[0]), float(room.low[1]), cell, rows, columns)
-    if not room.excluded.n_rings:
-        return np.zeros((rows, columns), np.bool_)
-    return find_touched_cells(room.excluded, grid)
+    has_excluded = room.excluded.n_rings > 0
+    excluded = (
+        find_touched_cells(room.excluded, grid) if has_excluded else np.zeros((rows, columns), np.bool_)
+    )
+    return PlateCells(excluded, room.size, cell)
 
 
-def _check_size(name: str, footprints: Sequence[Footprint], room: PlateRoom) -> None:
-    """Check that a part fits the rectangle of the plate in one of its turns.
+def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea) -> None:
+    """Check that a part fits the rectangle of the plate in one of its rotations.
 
     Raises:
-        PartError: it does not; the message names the missing mm.
+        PartError: it does not; the message tells by how much it is too large.
     """
-    missing = [np.maximum(one.size - room.size, 0.0) for one in footprints]
-    least = min(missing, key=lambda one: float(one.max()))
-    if not least.max() > 0:
+    best = min(footprints, key=lambda one: float((one.size - room.size).max()))
+    excess = best.size - room.size
+    if not excess.max() > 0:
         return
-    size = footprints[0].size
     axes = " and ".join(
-        f"{value:.3g} mm in {axis}" for axis, value in zip("xy", least, strict=True) if value > 0
+        f"{value:.3g} mm in {axis}" for axis, value in zip("xy", excess, strict=True) if value > 0
     )
     raise PartError(
-        f"{name}: {size[0]:.5g} x {size[1]:.5g} mm does not fit the plate in any turn; {axes} are missing",
-        remedy="Choose a larger printer, scale the part, or make brim and margins narrower",
+        f"{name}: the part, with brim and raft, is {axes} too large for the plate of {room.size[0]:g} x "
+        f"{room.size[1]:g} mm, even if it is rotated by {best.angle:g} degrees",
+        remedy="Choose a larger printer, scale the part, or lower `brim_width` or `raft_margin`",
     )
 
 
-def _list_best_orders(footprints: Sequence[Sequence[Footprint]], excluded: Bool) -> list[Int]:
+def _list_best_orders(footprints: Sequence[Sequence[Footprint]], plate: PlateCells) -> list[Int]:
     """Return the orders that need the fewest plates on a coarse raster, the best first."""
     orders, ranks = _list_orders(footprints), list[tuple[int, float]]()
     for order in orders:
-        found = pack(footprints, order, excluded)
+        found = pack(footprints, order, plate)
         ranks.append((found.n_plates, found.last_share) if found else (len(order) + 1, 0.0))
         if ranks[-1][0] == 1:
             break
@@ -129,26 +131,26 @@ def _list_best_orders(footprints: Sequence[Sequence[Footprint]], excluded: Bool)
 
 def _list_orders(footprints: Sequence[Sequence[Footprint]]) -> list[Int]:
     """Return orders of the parts: the largest first by area, box or longer side, and random changes of the first."""
-    area = np.array([own[0].own.sum() for own in footprints], np.float64)
+    area = np.array([own[0].touched.sum() for own in footprints], np.float64)
     box = np.array([own[0].size.prod() for own in footprints])
     longest = np.array([own[0].size.max() for own in footprints])
     random = np.random.default_rng(_SEED)
-    shuffled = [area + random.normal(0, _SWAPPED * area.max(), len(area)) for _ in range(_RANDOM_ORDERS)]
+    shuffled = [area + random.normal(0, _AREA_NOISE * area.max(), len(area)) for _ in range(_RANDOM_ORDERS)]
     return [np.argsort(-key, kind="stable") for key in (area, box, longest, *shuffled)]
 
 
 def _read_places(
-    packing: Packing, footprints: Sequence[Sequence[Footprint]], room: PlateRoom, cell: float
+    packing: Packing, footprints: Sequence[Sequence[Footprint]], room: FreeArea, cell: float
 ) -> Arrangement:
     """Return the places of a packing in mm."""
-    chosen = [own[place.turn] for own, place in zip(footprints, packing.places, strict=True)]
+    chosen = [own[place.rotation] for own, place in zip(footprints, packing.places, strict=True)]
     cells = np.array([(place.column, place.row) for place in packing.places], np.float64).reshape(-1, 2)
     corners = np.array([one.corner for one in chosen]).reshape(-1, 2)
     plates = np.array([place.plate for place in packing.places], np.int64)
     return Arrangement(plates, np.array([one.angle for one in chosen]), room.low + cells * cell - corners)
 
 
-def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: PlateRoom) -> Arrangement:
+def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: FreeArea) -> Arrangement:
     """Move the parts of each plate together to its middle, if nothing on it is excluded."""
     if room.excluded.n_rings or not len(outlines):
         return arrangement
@@ -164,7 +166,7 @@ def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: PlateRoom
 
 def _place_outline(arrangement: Arrangement, outlines: Sequence[Areas], part: int) -> Areas:
     """Return the outline of a part at its place."""
-    turned = turn_outline(outlines[part], float(arrangement.angle[part]))
+    turned = rotate_outline(outlines[part], float(arrangement.angle[part]))
     return replace(turned, xy=turned.xy + arrangement.shift[part])
 
 
@@ -181,11 +183,11 @@ def _check_spacing(arrangement: Arrangement, outlines: Sequence[Areas], gap: flo
             raise ValueError(f"parts on plate {plate + 1} are {found:g} mm apart instead of {gap:g} mm")
 
 
-def _name_unplaced(names: Sequence[str], footprints: Sequence[Sequence[Footprint]], excluded: Bool) -> str:
+def _name_unplaced(names: Sequence[str], footprints: Sequence[Sequence[Footprint]], plate: PlateCells) -> str:
     """Return the name of the first part that fits nowhere."""
     nowhere = (
         name
         for name, own in zip(names, footprints, strict=True)
-        if pack([own], np.zeros(1, np.int64), excluded) is None
+        if pack([own], np.zeros(1, np.int64), plate) is None
     )
     return next(nowhere)

@@ -1,4 +1,4 @@
-"""The room on a plate, and the places of parts on plates."""
+"""The free area of a plate, and the places of parts on plates."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["Arrangement", "PlateRoom"]
+__all__ = ["Arrangement", "FreeArea"]
 
 
-class PlateRoom(Struct, frozen=True, eq=False):
+class FreeArea(Struct, frozen=True, eq=False):
     """The part of a bed on which parts may stand.
 
     Attributes:
@@ -34,7 +34,7 @@ class PlateRoom(Struct, frozen=True, eq=False):
 
 
 class Arrangement(Struct, frozen=True, eq=False):
-    """Where each of P parts stands: turned about the origin of its file, then shifted.
+    """Where each of P parts stands: rotated about the origin of its file, then shifted.
 
     Attributes:
         plate: (P,) number of the plate, from 0.

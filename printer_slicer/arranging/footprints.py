@@ -1,4 +1,4 @@
-"""Footprints of parts on a raster, in every turn that is tried.
+"""Footprints of parts on a raster, in every rotation that is tried.
 
 A cell belongs to a footprint if the part touches it, so parts whose cells are disjoint are disjoint, too.
 """
@@ -12,36 +12,36 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.raster import CellGrid, rasterize_areas
+from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.values import Struct, replace
 
-__all__ = ["Footprint", "find_touched_cells", "list_footprints", "turn_outline"]
+__all__ = ["Footprint", "find_touched_cells", "list_footprints", "rotate_outline"]
 
 _ROUND_ERROR = 0.01  # mm; by so much a rounded outline may lie inside the true one
-_QUARTERS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
 class Footprint(Struct, frozen=True, eq=False):
-    """The cells that one turn of a part needs; cell (0, 0) begins at the lowest x and y of its box.
+    """The cells that a rotated part needs; cell (0, 0) begins at the lowest x and y of its box.
 
     Attributes:
         angle: degrees about z.
-        corner: (2,) lowest x and y of the turned outline, mm.
+        corner: (2,) lowest x and y of the rotated outline, mm.
         size: (2,) of its box, mm.
-        own: (rows, columns) cells that the part touches.
+        touched: (rows, columns) cells that the part touches.
         kept_free: (rows + 2 n, columns + 2 n) cells that are nearer than the gap to it; begins n cells lower.
-        margin: n.
+        margin: n, the number of cells around the part.
     """
 
     angle: float
     corner: Float
     size: Float
-    own: Bool
+    touched: Bool
     kept_free: Bool
     margin: int
 
 
 def list_footprints(outline: Areas, angles: Sequence[float], gap: float, cell: float) -> list[Footprint]:
-    """Return the footprint of a part in each turn.
+    """Return the footprint of a part in each rotation.
 
     Args:
         outline: one layer, the part as seen from above, mm.
@@ -51,19 +51,19 @@ def list_footprints(outline: Areas, angles: Sequence[float], gap: float, cell: f
     """
     reach = gap + _ROUND_ERROR
     wide = offset(outline, reach, join="round") if gap else outline
-    turned = [(angle, turn_outline(outline, angle), turn_outline(wide, angle)) for angle in angles]
+    turned = [(angle, rotate_outline(outline, angle), rotate_outline(wide, angle)) for angle in angles]
     return [_make_footprint(own, around, angle, reach, cell) for angle, own, around in turned]
 
 
-def turn_outline(outline: Areas, angle: float) -> Areas:
-    """Return areas turned about the origin; degrees, counter-clockwise; quarter turns are exact."""
-    c, s = _QUARTERS.get(angle % 360, (np.cos(np.radians(angle)), np.sin(np.radians(angle))))
+def rotate_outline(outline: Areas, angle: float) -> Areas:
+    """Return areas rotated about the origin; degrees, counter-clockwise; quarter turns are exact."""
+    c, s = cosine_and_sine(angle)
     x, y = outline.xy.T
     return replace(outline, xy=np.stack([c * x - s * y, s * x + c * y], axis=1))
 
 
 def _make_footprint(outline: Areas, wide: Areas, angle: float, reach: float, cell: float) -> Footprint:
-    """Return the footprint of a turned outline, and of the area `wide` within `reach` around it."""
+    """Return the footprint of a rotated outline, and of the area `wide` within `reach` around it."""
     low, high = (corner[0] for corner in outline.boxes())
     columns, rows = np.maximum(np.ceil((high - low) / cell - 1e-9), 1).astype(np.int64).tolist()
     margin = int(np.ceil(reach / cell))

@@ -14,35 +14,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arranging.footprints import Footprint
-from printer_slicer.arrays import Bool, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.raster import Float32
 
-__all__ = ["Packing", "PlacedTurn", "pack"]
+__all__ = ["Packing", "PlacedPart", "PlateCells", "pack"]
 
 _Spectrum = NDArray[np.complexfloating[Any, Any]]
-_FREE: Final = 0.5  # counts below are 0 but for rounding
+_FREE: Final = 0.5  # counts below this are 0, apart from rounding
 _NEAR: Final = 3  # cells; within this distance, contact with neighbours counts
 
 
-class PlacedTurn(NamedTuple):
+class PlacedPart(NamedTuple):
     """One part on a plate.
 
     Attributes:
         plate: number of the plate.
-        turn: index of the footprint among those of the part.
+        rotation: index of the footprint among those of the part.
         row, column: cell of the plate at which the footprint begins.
     """
 
     plate: int
-    turn: int
+    rotation: int
     row: int
     column: int
+
+
+class PlateCells(NamedTuple):
+    """The cells of an empty plate; the last row and column may reach beyond it.
+
+    Attributes:
+        excluded: (rows, columns) mask of cells in which nothing may stand.
+        size: (2,) of the plate, mm.
+        cell: side of a cell, mm.
+    """
+
+    excluded: Bool
+    size: Float
+    cell: float
+
+    def count_places(self, footprint: Footprint) -> tuple[int, int]:
+        """Return the numbers of rows and columns at which a footprint can begin without leaving the plate."""
+        columns, rows = np.floor((self.size - footprint.size) / self.cell + 1e-9).astype(np.int64).tolist()
+        return max(rows + 1, 0), max(columns + 1, 0)
 
 
 class Packing(NamedTuple):
     """The places of all parts, in their given order, and the share of cells that the parts on the last plate touch."""
 
-    places: tuple[PlacedTurn, ...]
+    places: tuple[PlacedPart, ...]
     n_plates: int
     last_share: float
 
@@ -50,15 +69,16 @@ class Packing(NamedTuple):
 class _Plate:
     """The cells of a plate that are taken, and the spectra of its correlations."""
 
-    def __init__(self, excluded: Bool) -> None:
-        self.taken = excluded.astype(np.float32)
+    def __init__(self, empty: PlateCells) -> None:
+        self.empty = empty
+        self.taken = empty.excluded.astype(np.float32)
         self.n_touched = 0
         self._spectrum: tuple[_Spectrum, _Spectrum] | None = None
 
     def spectra(self) -> tuple[_Spectrum, _Spectrum]:
         """Return the spectra of the cells that are taken, and of those where contact counts."""
         if self._spectrum is None:
-            self._spectrum = np.fft.rfft2(self.taken), np.fft.rfft2(_price_cells(self.taken))
+            self._spectrum = np.fft.rfft2(self.taken), np.fft.rfft2(_compute_cell_costs(self.taken))
         return self._spectrum
 
     def add(self, footprint: Footprint, row: int, column: int) -> None:
@@ -69,12 +89,12 @@ class _Plate:
         source = tuple(slice(low - at, high - at) for low, high, at in zip(begin, end, first, strict=True))
         target = self.taken[begin[0] : end[0], begin[1] : end[1]]
         np.maximum(target, footprint.kept_free[source], out=target)
-        self.n_touched += int(footprint.own.sum())
+        self.n_touched += int(footprint.touched.sum())
         self._spectrum = None
 
 
-def _price_cells(taken: Float32) -> Float32:
-    """Return the price of each cell: low near the corner of the plate, and near what is taken or outside the plate."""
+def _compute_cell_costs(taken: Float32) -> Float32:
+    """Return the cost of each cell: low near the corner of the plate, and near what is taken or outside the plate."""
     rows, columns = np.indices(taken.shape, dtype=np.float32)
     near = np.zeros_like(taken)
     wide = np.pad(taken, _NEAR, constant_values=1.0)
@@ -85,57 +105,57 @@ def _price_cells(taken: Float32) -> Float32:
     return np.asarray(rows / taken.shape[0] + columns / taken.shape[1] - near / _NEAR, np.float32)
 
 
-def _place_part(turns: Sequence[Footprint], plates: list[_Plate], excluded: Bool) -> PlacedTurn | None:
+def _place_part(rotations: Sequence[Footprint], plates: list[_Plate], empty: PlateCells) -> PlacedPart | None:
     """Place a part on the first plate with room for it, if need be on a new one; None: it fits on no empty plate."""
-    spectra = [np.fft.rfft2(one.own.astype(np.float32), excluded.shape).conj() for one in turns]
+    spectra = [np.fft.rfft2(one.touched.astype(np.float32), empty.excluded.shape).conj() for one in rotations]
     for number in range(len(plates) + 1):
-        plate = plates[number] if number < len(plates) else _Plate(excluded)
-        found = _find_best_place(turns, spectra, plate)
+        plate = plates[number] if number < len(plates) else _Plate(empty)
+        found = _find_best_place(rotations, spectra, plate)
         if found is not None:
             if number == len(plates):
                 plates.append(plate)
-            turn, row, column = found
-            plate.add(turns[turn], row, column)
-            return PlacedTurn(number, turn, row, column)
+            rotation, row, column = found
+            plate.add(rotations[rotation], row, column)
+            return PlacedPart(number, rotation, row, column)
     return None
 
 
 def _find_best_place(
-    turns: Sequence[Footprint], spectra: Sequence[_Spectrum], plate: _Plate
+    rotations: Sequence[Footprint], spectra: Sequence[_Spectrum], plate: _Plate
 ) -> tuple[int, int, int] | None:
-    """Return turn, row and column of the best free place on a plate; None if there is none."""
-    taken, price = plate.spectra()
+    """Return rotation, row and column of the best free place on a plate; None if there is none."""
+    taken, cost = plate.spectra()
     shape, n_free = plate.taken.shape, plate.taken.size - plate.taken.sum()
     best, least = None, np.inf
-    for turn, (footprint, own) in enumerate(zip(turns, spectra, strict=True)):
-        rows, columns = (room - n + 1 for room, n in zip(shape, footprint.own.shape, strict=True))
-        if rows <= 0 or columns <= 0 or footprint.own.sum() > n_free:
+    for rotation, (footprint, own) in enumerate(zip(rotations, spectra, strict=True)):
+        rows, columns = plate.empty.count_places(footprint)
+        if rows <= 0 or columns <= 0 or footprint.touched.sum() > n_free:
             continue
         is_free = np.fft.irfft2(taken * own, shape)[:rows, :columns] < _FREE
         if not is_free.any():
             continue
-        cost = np.fft.irfft2(price * own, shape)[:rows, :columns] / footprint.own.sum()
+        cost = np.fft.irfft2(cost * own, shape)[:rows, :columns] / footprint.touched.sum()
         cost = np.where(is_free, cost, np.inf)
         at = int(cost.argmin())
         if cost.flat[at] < least:
-            best, least = (turn, *divmod(at, columns)), float(cost.flat[at])
+            best, least = (rotation, *divmod(at, columns)), float(cost.flat[at])
     return best
 
 
-def pack(turns: Sequence[Sequence[Footprint]], order: Int, excluded: Bool) -> Packing | None:
+def pack(rotations: Sequence[Sequence[Footprint]], order: Int, empty: PlateCells) -> Packing | None:
     """Pack parts in the given order; return None if a part fits on no empty plate.
 
     Args:
-        turns: the footprints of each part.
+        rotations: the footprints of each part.
         order: (P,) indices of the parts.
-        excluded: (rows, columns) cells of a plate in which nothing may stand.
+        empty: a plate.
     """
     plates: list[_Plate] = []
-    places: dict[int, PlacedTurn] = {}
+    places: dict[int, PlacedPart] = {}
     for part in order.tolist():
-        place = _place_part(turns[part], plates, excluded)
+        place = _place_part(rotations[part], plates, empty)
         if place is None:
             return None
         places[part] = place
-    last = plates[-1].n_touched / excluded.size if plates else 0.0
-    return Packing(tuple(places[part] for part in range(len(turns))), len(plates), last)
+    last = plates[-1].n_touched / empty.excluded.size if plates else 0.0
+    return Packing(tuple(places[part] for part in range(len(rotations))), len(plates), last)

@@ -299,7 +299,7 @@ def add_strict_supports_option(group: argparse._ArgumentGroup) -> argparse._Argu
         group.add_argument(
             "--strict-supports",
             action="store_true",
-            help="fail if a piece of the part begins in the air and gets no support",
+            help="fail if an island of the part gets no support",
         )
     )
     return group

@@ -32,14 +32,14 @@ class FullSpeedMoves(Struct, frozen=True, eq=False):
     Attributes:
         program: the moves.
         support_ratio: (K,) fraction of the width of each extrusion that lies on the layer below.
-        path: (K,) the path that each move belongs to or leads to.
-        heats: changes of temperature between moves.
+        path: (K,) the path that each move belongs to or leads to; empty in the result of `make_moves`.
+        temperature_changes: between moves.
     """
 
     program: Program
     support_ratio: Float
     path: Int
-    heats: tuple[Event, ...] = ()
+    temperature_changes: tuple[Event, ...] = ()
 
 
 def extrude(
@@ -57,17 +57,20 @@ def extrude(
 def make_moves(
     paths: Toolpaths, travels: Travels, profile: Profile, profiles: Sequence[Profile] = ()
 ) -> FullSpeedMoves:
-    """Return the moves of `extrude` before `cool`, which needs no paths; the result does not know them either."""
+    """Return the moves of `extrude` at full speed.
+
+    They do not refer to `paths`, so the caller can release these before `cool`.
+    """
     profiles = tuple(profiles) or (profile,)
     moves = _make_moves(paths, travels, profile, profiles)
-    heats = _list_temperature_changes(moves.program, paths, profile.material, profiles)
-    return replace(moves, path=np.zeros(0, np.int64), heats=tuple(heats))
+    changes = _list_temperature_changes(moves.program, paths, profile.material, profiles)
+    return replace(moves, path=np.zeros(0, np.int64), temperature_changes=tuple(changes))
 
 
 def cool(moves: FullSpeedMoves, profile: Profile) -> Program:
-    """Return a program whose layers take at least `material.min_layer_time`, with changes of the fan."""
+    """Slow down short layers, at most to `material.min_speed`, and add the changes of the fan."""
     program = slow_small_layers(moves.program, profile)
-    events = [*moves.heats, *fan_events(program, moves.support_ratio, profile), *program.events]
+    events = [*moves.temperature_changes, *fan_events(program, moves.support_ratio, profile), *program.events]
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
 

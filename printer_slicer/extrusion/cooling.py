@@ -22,7 +22,7 @@ __all__ = ["fan_events", "slow_small_layers"]
 
 _MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
 _ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
-_MOVES_AT_ONCE: Final = 1 << 16  # whose fan ratios are computed
+_MOVES_AT_ONCE: Final = 1 << 16  # bounds the memory for intermediate values
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
 _SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES], np.int8)
@@ -98,8 +98,8 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     Support interfaces have a fan speed of their own. `support_ratio` (K,) is the fraction of each extrusion's width
     that rests on the layer below.
     """
-    of_layer, may_rise = _fan_ratios_of_layers(program, profile)
-    # Slabs of moves, from the last to the first: each needs the first extrusion after it.
+    of_layer, is_fan_allowed = _fan_ratios_of_layers(program, profile)
+    # Batches of moves, from the last to the first: each needs the first extrusion after it.
     steps, following = np.zeros(program.n_moves, np.int64), program.n_moves
     for first in reversed(range(0, program.n_moves, _MOVES_AT_ONCE)):
         some = slice(first, first + _MOVES_AT_ONCE)
@@ -109,7 +109,7 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
         role = np.where(exists, program.role[at], np.int16(Role.TRAVEL))
         ratio = of_layer[program.layer[some]]
         own = _fan_ratios(ratio, role, np.where(exists, support_ratio[at], 1.0), profile.material)
-        steps[some] = np.round(np.where(may_rise[program.layer[some]], own, ratio) / _FAN_STEP)
+        steps[some] = np.round(np.where(is_fan_allowed[program.layer[some]], own, ratio) / _FAN_STEP)
     change = np.flatnonzero(np.diff(steps, prepend=0) != 0)
     ratios = np.clip(steps[change] * _FAN_STEP, 0, 1)
     return [Fan(move, share) for move, share in zip(change.tolist(), ratios.tolist(), strict=True)]

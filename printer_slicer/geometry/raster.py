@@ -16,9 +16,20 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.hatching import find_row_crossings
 from printer_slicer.values import Struct
 
-__all__ = ["CellGrid", "Float32", "cheapest_within", "clearance", "highest_within", "rasterize_areas"]
+__all__ = [
+    "NEIGHBOUR_CELLS",
+    "CellGrid",
+    "Float32",
+    "cheapest_within",
+    "clearance",
+    "highest_within",
+    "rasterize_areas",
+]
 
 Float32 = NDArray[np.float32]
+NEIGHBOUR_CELLS = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+"""Steps (9, 2), rows and columns, from a cell to itself and to the cells around it."""
+
 _CELLS_AT_ONCE = 1 << 22  # bounds the memory for counting crossings
 
 

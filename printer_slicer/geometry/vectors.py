@@ -1,18 +1,25 @@
-"""Products of arrays of vectors, and the nearest points on segments."""
+"""Products of arrays of vectors, rotations, and the nearest points on segments."""
 
 from __future__ import annotations
 
 from functools import reduce
-from typing import TypeVar
+from math import cos, radians, sin
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Float
 
-__all__ = ["cross", "dot", "nearest_on_segments", "nearest_share", "norm"]
+__all__ = ["cosine_and_sine", "cross", "dot", "nearest_on_segments", "nearest_share", "norm"]
 
 _Number = TypeVar("_Number", np.float64, np.int64)
+_QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+
+
+def cosine_and_sine(degrees: float) -> tuple[float, float]:
+    """Return cosine and sine of an angle; exact for quarter turns, so that horizontal facets stay horizontal."""
+    return _QUARTERS.get(degrees % 360.0, (cos(radians(degrees)), sin(radians(degrees))))
 
 
 def dot(a: Float, b: Float) -> Float:

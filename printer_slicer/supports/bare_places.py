@@ -11,13 +11,14 @@ from printer_slicer.geometry import Areas, depths, hatch, split_connected
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.geometry.raster import CellGrid, clearance
+from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Bare, Overhangs, Sections, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.supports.bead_samples import sample_beads
 from printer_slicer.values import Struct, replace
 
-__all__ = ["BareReasons", "list_bare_places"]
+__all__ = ["NO_WAY", "BareReasons", "list_bare_places"]
 
 _ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries what hangs
 _DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
@@ -32,7 +33,7 @@ _NEAR: Final = 3.0  # mm from a place to one for which a reason is known
 _FARTHEST: Final = 50.0  # mm; larger distances are not told apart
 _ROUNDING: Final = 1e-6  # mm
 _NOTHING_BELOW: Final = "its support had nothing to stand on"
-_NO_WAY: Final = "no support reaches this place without touching the part"
+NO_WAY: Final = "no support reaches this place without touching the part"
 
 
 class BareReasons(Struct, frozen=True, eq=False):
@@ -59,7 +60,7 @@ class BareReasons(Struct, frozen=True, eq=False):
             away = norm(places[near, None, :2] - points[None]).min(axis=1)
             if away.min() <= _NEAR:
                 return reasons[int(near[np.argmin(away)])]
-        return _NO_WAY
+        return NO_WAY
 
 
 class _Beads(Struct, frozen=True, eq=False):
@@ -101,7 +102,7 @@ class _Beads(Struct, frozen=True, eq=False):
         boxes = Boxes(np.minimum(begin, end), np.maximum(begin, end), own)
         point, line = Boxes(points - reach, points + reach, entry).find_overlapping(boxes)
         result = np.zeros(len(points), np.bool_)
-        result[point[_measure_to_lines(points[point], begin[line], end[line]) <= reach]] = True
+        result[point[distance_to_segments(points[point], begin[line], end[line]) <= reach]] = True
         return result
 
     def measure_distances(self, points: Float, layer: int) -> Float:
@@ -109,14 +110,7 @@ class _Beads(Struct, frozen=True, eq=False):
         begin, end, _ = self.find_lines(np.array([layer]))
         if not len(begin):
             return np.full(len(points), np.inf)
-        return np.array([_measure_to_lines(point, begin, end).min() for point in points])
-
-
-def _measure_to_lines(points: Float, begin: Float, end: Float) -> Float:
-    """Return the distance (n,) of points to lines, mm."""
-    way = end - begin
-    share = ((points - begin) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
-    return norm(begin + np.clip(share, 0.0, 1.0)[:, None] * way - points)
+        return np.array([distance_to_segments(point, begin, end).min() for point in points])
 
 
 class _BarePoints(Struct, frozen=True, eq=False):

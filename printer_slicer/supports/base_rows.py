@@ -17,8 +17,8 @@ from printer_slicer.geometry import (
     offset,
     split_connected,
 )
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Supports
-from printer_slicer.supports.pieces import unite_layers
 
 __all__ = ["hatch_bases"]
 

@@ -20,11 +20,11 @@ from printer_slicer.geometry import (
     split_connected,
     union,
 )
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.interfaces import divide_columns
-from printer_slicer.supports.pieces import unite_layers
 from printer_slicer.values import Struct
 
 __all__ = ["find_contacts", "lay_columns"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.geometry.raster import Float32
+from printer_slicer.geometry.raster import NEIGHBOUR_CELLS, Float32
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.supports.fields import Fields
 from printer_slicer.supports.partners import LiveBranches, choose_goals, join_branches
@@ -16,7 +16,6 @@ from printer_slicer.values import Struct, replace
 __all__ = ["Forest", "descend"]
 
 _ROUNDING = 1e-5  # mm
-_UNDER_FOOT = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)  # cells
 
 
 class Forest(Struct, frozen=True, eq=False):
@@ -205,7 +204,7 @@ def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields) 
     ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, floor, fields))
     here = live.take(ends)
     if len(here.node):
-        around, inside = fields.grid.find_moved_cells(here.cell, _UNDER_FOOT)
+        around, inside = fields.grid.find_moved_cells(here.cell, NEIGHBOUR_CELLS)
         z = np.where(inside, fields.surface[floor].ravel()[around], np.inf).min(axis=1).astype(np.float64)
         place = np.column_stack([fields.grid.find_middles(here.cell), z])
         foot = nodes.add(place, here.radius, -1, movable=np.zeros(len(z), np.bool_), on_part=True)

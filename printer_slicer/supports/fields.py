@@ -11,6 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.geometry.raster import (
+    NEIGHBOUR_CELLS,
     CellGrid,
     Float32,
     cheapest_within,
@@ -34,7 +35,6 @@ _STEEP_PRICE = 5.0  # times the price of standing on a level surface
 _STEEPEST = (
     1.1  # mm by which a surface may vary between cells around a branch that stands on it, about 40 degrees
 )
-_AROUND = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1], indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 class CellMoves(Struct, frozen=True, eq=False):
@@ -207,7 +207,7 @@ def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -
             continue
         under = surface[floor]
         with np.errstate(invalid="ignore"):
-            change = highest_within(under, _AROUND) + highest_within(-under, _AROUND)
+            change = highest_within(under, NEIGHBOUR_CELLS) + highest_within(-under, NEIGHBOUR_CELLS)
             for result, most in ((gentle, _STEEPEST), (level, _LEVEL)):
                 result[floor] = np.where(top, clearance(~(change <= most), cell, reach), 0.0)
     return gentle, level

@@ -15,8 +15,8 @@ from printer_slicer.geometry import (
     offset,
     split_connected,
 )
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Overhangs, Supports
-from printer_slicer.supports.pieces import unite_layers
 from printer_slicer.values import Struct
 
 __all__ = ["PatchGroups", "group_patches"]

@@ -29,7 +29,7 @@ _RESTS: Final = 0.3  # of longer ends and turns, the length at each carried side
 _STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
 _LEAST_OF_LOOP: Final = 1 / 3  # of its length that must be carried
 _LEAST_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
-_LARGE_LOOP: Final = 6.0  # mm
+_LARGE_LOOP: Final = 6.0  # mm, length of loops that may lie across the lines of the first layer
 _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
 
@@ -113,7 +113,7 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
     low = int(path[0])
     whole, part = (np.bincount(path - low, weight) for weight in (length, length * carried))
     numbers = np.arange(low, low + len(whole))
-    # Loops above the first layer may lie across its lines, if they are large.
+    # Large loops of the second layer may lie across the lines of the first one.
     across = (paths.layer[numbers] <= 1) & (whole > _LARGE_LOOP)
     is_loop = paths.closed[numbers] & (paths.role[numbers] == Role.SUPPORT) & ~across
     little = part < np.where(is_loop, _LEAST_OF_LOOP, _LEAST_OF_LINE) * whole

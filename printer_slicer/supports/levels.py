@@ -68,7 +68,7 @@ def plan_support_layers(overhangs: Overhangs, profile: Profile) -> SupportPlan:
 
 
 def plan_shared_layers(
-    demands: Sequence[tuple[Overhangs, Profile]], floors: Float | None = None
+    demands: Sequence[tuple[Overhangs, Profile]], start_heights: Float | None = None
 ) -> list[SupportPlan]:
     """Plan the layers of supports, from the bed to the highest overhang, which all objects share.
 
@@ -78,7 +78,7 @@ def plan_shared_layers(
     Args:
         demands: what hangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
             heights, and the limits of the printer, are those of the first profile.
-        floors: (n,) heights above faces of the part at which supports begin, mm. A layer begins there if possible.
+        start_heights: (n,) where supports begin above faces of the part, mm. A layer begins there if possible.
 
     Returns:
         A plan for each of `demands`, all with the same support layers.
@@ -88,8 +88,8 @@ def plan_shared_layers(
     top = np.zeros(0)
     if len(together.layer):
         part = LayerPlan.union([overhangs.plan for overhangs, _ in demands])
-        if floors is not None and not demands[0][1].quality.support_sync:
-            together = _add_floors(together, floors)
+        if start_heights is not None and not demands[0][1].quality.support_sync:
+            together = _add_start_heights(together, start_heights)
         top = _choose_tops(together, part, float(part.top[0]), demands[0][1])
     found = [
         _find_carriers(own, overhangs.plan, top, profile.quality.support_gap)
@@ -143,11 +143,11 @@ def _find_contacts(overhangs: Overhangs, profile: Profile) -> _Contacts:
     return _Contacts(layer, np.round(wanted, 7), slack, area[layer])
 
 
-def _add_floors(contacts: _Contacts, floors: Float) -> _Contacts:
-    """Return contacts and the heights at which supports begin, which count less than any contact."""
-    floors = distinct(np.round(floors[floors < contacts.wanted[-1] - _SAME], 7))
-    nothing = np.zeros(len(floors))
-    return _Contacts.joined([contacts, _Contacts(np.full(len(floors), -1), floors, nothing, nothing)])
+def _add_start_heights(contacts: _Contacts, heights: Float) -> _Contacts:
+    """Return contacts and the heights at which supports begin; to miss one costs less than to miss any overhang."""
+    heights = distinct(np.round(heights[heights < contacts.wanted[-1] - _SAME], 7))
+    nothing = np.zeros(len(heights))
+    return _Contacts.joined([contacts, _Contacts(np.full(len(heights), -1), heights, nothing, nothing)])
 
 
 def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Profile) -> Float:

@@ -86,11 +86,11 @@ def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeS
 def match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
     """Return the partner (n,) of each branch, the nearest pairs first; -1 for those left over.
 
-    A partner is not much farther away than the nearest other branch.
+    A partner is at most 1.5 times as far away as the nearest other branch.
 
     Args:
         one: (P,) branches that may meet others.
-        other: (P,) these.
+        other: (P,) the branch that each may meet.
         gap: (P,) between them, mm.
         n: number of branches.
     """

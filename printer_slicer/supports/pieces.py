@@ -1,4 +1,4 @@
-"""Pairs of connected pieces of neighbouring layers that lie over each other, and the union of layers."""
+"""Pairs of connected pieces of neighbouring layers that lie over each other."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, concatenate_pairs, distinct
-from printer_slicer.geometry import Areas, ConnectedAreas, intersection, normalize, offset
+from printer_slicer.arrays import Float, Int, concatenate_pairs
+from printer_slicer.geometry import ConnectedAreas, intersection, offset
 from printer_slicer.geometry.boxes import Boxes
 
-__all__ = ["EDGE", "find_overlaps", "find_touching", "unite_layers"]
+__all__ = ["EDGE", "find_overlaps", "find_touching"]
 
 EDGE = 1e-4  # mm; areas that overlap by narrower strips only have an edge in common
 
@@ -54,13 +54,3 @@ def find_touching(
     """
     around = ConnectedAreas(offset(pieces.areas, reach), pieces.layer, pieces.of_ring)
     return find_overlaps(around, others, rises)
-
-
-def unite_layers(areas: Areas) -> Areas:
-    """Return the union of all layers as a stack of one layer."""
-    used = distinct(areas.ring_layer)
-    areas = areas.copy_layers(used)
-    while areas.n_layers > 1:  # in pairs, so that few rings overlap in each step
-        half = np.arange(areas.n_layers) // 2
-        areas = normalize(areas.on_layers(half, int(half[-1]) + 1))
-    return areas if areas.n_layers else Areas.empty(1)

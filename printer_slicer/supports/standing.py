@@ -58,28 +58,30 @@ def check_standing(
         sections: the part, all objects.
         profile: gaps and spacings of supports.
     """
-    none = np.zeros((0, 3))
+    cut = np.zeros((0, 3))
     if not paths.n_paths:
-        return StandingSupports(supports, paths, none)
+        return StandingSupports(supports, paths, cut)
     rules = HangingRules.of(sections, paths.plan, profile.quality)
     samples = sample_beads(paths, ~find_repeated_layers(paths))
     carried, every = find_carried_beads(samples, paths, rules), slice(0, samples.count)
     hanging = rules.find_hanging(samples, paths, every, carried)
     if not hanging.any():
-        return StandingSupports(supports, paths, none)
+        return StandingSupports(supports, paths, cut)
     suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
-    less = rules.for_columns()
-    large = less.find_hanging(samples, paths, every, carried)
+    column_rules = rules.for_columns()
+    large = column_rules.find_hanging(samples, paths, every, carried)
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
-        supports, paths, changed = _carry(supports, paths, (overhangs, sections, profile), less, above)
+        supports, paths, changed = _carry(
+            supports, paths, (overhangs, sections, profile), column_rules, above
+        )
         suspect |= changed
     else:
-        none = _list_places(samples, paths, hanging)
+        cut = _list_places(samples, paths, hanging)
         paths, suspect = keep_samples(samples, paths, ~hanging), np.append(False, suspect[:-1])
     paths, removed = _remove(paths, rules, suspect)
     cut_only = not (large.any() or len(removed))
-    removed = np.concatenate([none, removed])
+    removed = np.concatenate([cut, removed])
     if cut_only:
         return StandingSupports(supports, paths, removed)
     return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
@@ -98,7 +100,7 @@ def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple
 def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolpaths, Float]:
     """Return the beads that stand, and the places (n, 3) of those that were taken out, mm.
 
-    If all beads stand in the layers of a mask (S,), all beads stand.
+    Only beads in the layers of a mask (S,) can hang.
     """
     removed = [np.zeros((0, 3))]
     while paths.n_paths:

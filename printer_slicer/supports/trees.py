@@ -19,6 +19,7 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
+from printer_slicer.supports.bare_places import NO_WAY
 from printer_slicer.supports.blocked_areas import find_blocked_areas
 from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs, round_notches
 from printer_slicer.supports.descent import descend
@@ -200,10 +201,9 @@ def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> 
         strips: areas under overhangs by layer of the part.
         plan: of the supports.
     """
-    reason = "no branch reaches this place without touching the part"
     area = _measure_bare(bare, tips, strips, plan) if bare.count else np.zeros(0)
     rows = zip(bare.place.tolist(), area.tolist(), bare.island.tolist(), strict=True)
-    return tuple(Bare(x, y, z, size, reason, is_island) for (x, y, z), size, is_island in rows)
+    return tuple(Bare(x, y, z, size, NO_WAY, is_island) for (x, y, z), size, is_island in rows)
 
 
 def _measure_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:

@@ -8,23 +8,19 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import Areas, normalize
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Mesh
 
-__all__ = ["join_tiles", "project_in_tiles", "view_from_above"]
+__all__ = ["project_from_above", "project_in_tiles"]
 
 _TILES: Final = 16  # per side of a window: many small unions are faster than one large union
 _BESIDE: Final = 1.0  # mm around the part
 
 
-def view_from_above(mesh: Mesh) -> Areas:
+def project_from_above(mesh: Mesh) -> Areas:
     """Return the outline of a part, with holes where one can look through it, as one layer; mm."""
     low, high = mesh.bounds[:, :2]
-    return join_tiles(project_in_tiles(mesh, low - _BESIDE, high + _BESIDE))
-
-
-def join_tiles(areas: Areas) -> Areas:
-    """Return the union of all layers as one layer."""
-    return normalize(areas.restacked(np.arange(areas.n_rings), np.zeros(areas.n_rings, np.int64), 1))
+    return unite_layers(project_in_tiles(mesh, low - _BESIDE, high + _BESIDE))
 
 
 def project_in_tiles(mesh: Mesh, low: Float, high: Float) -> Areas:

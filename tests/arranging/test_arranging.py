@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from printer_slicer.arranging import Arrangement, PlateRoom, arrange_outlines
+from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.arranging.footprints import find_touched_cells
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import Areas
 from printer_slicer.geometry.raster import CellGrid
 from tests.effort import examples
 
-ROOM = PlateRoom(np.zeros(2), np.full(2, 100.0), Areas.empty(1))
+ROOM = FreeArea(np.zeros(2), np.full(2, 100.0), Areas.empty(1))
 KINDS = ("box", "angle", "frame", "triangle")
 
 
@@ -46,7 +46,7 @@ def placed(arrangement: Arrangement, polygons: list[shapely.Polygon]) -> list[sh
     return [affinity.translate(affinity.rotate(one, angle, origin=(0, 0)), *by) for one, angle, by in rows]
 
 
-def arrange(polygons: list[shapely.Polygon], gap: float, room: PlateRoom = ROOM) -> Arrangement:
+def arrange(polygons: list[shapely.Polygon], gap: float, room: FreeArea = ROOM) -> Arrangement:
     """Arrange polygons; they are named by their numbers."""
     return arrange_outlines(list(map(areas, polygons)), list(map(str, range(len(polygons)))), room, gap)
 
@@ -85,9 +85,16 @@ def test_a_part_stands_in_the_corner_of_another() -> None:
     assert found.n_plates < 3
 
 
-def test_a_part_that_fits_only_diagonally_is_turned() -> None:
+def test_a_part_that_fits_only_diagonally_is_rotated() -> None:
     found = arrange([shape("box", 120, 8)], 5)
     assert found.angle[0] % 90 == 45
+
+
+def test_a_part_as_wide_as_a_plate_that_is_no_multiple_of_cells_fits() -> None:
+    room = FreeArea(np.zeros(2), np.array([235.0, 225.0]), Areas.empty(1))
+    polygons = [shape("box", 100, 224.9), shape("box", 100, 10)]
+    there = placed(arrange(polygons, 3, room), polygons)
+    assert all(shapely.box(0, 0, 235, 225).buffer(1e-6).contains(one) for one in there)
 
 
 def test_a_single_part_stands_in_the_middle() -> None:
@@ -98,20 +105,23 @@ def test_a_single_part_stands_in_the_middle() -> None:
 
 def test_parts_stay_out_of_excluded_areas() -> None:
     clips = shapely.box(0, 0, 100, 40)
-    room = PlateRoom(ROOM.low, ROOM.high, areas(clips))
+    room = FreeArea(ROOM.low, ROOM.high, areas(clips))
     polygons = [shape("box", 40, 40), shape("triangle", 40, 30)]
     there = placed(arrange(polygons, 3, room), polygons)
     assert not any(one.intersects(clips) for one in there)
 
 
 def test_a_part_that_is_too_large_is_named_with_the_missing_mm() -> None:
-    with pytest.raises(PartError, match=r"1: 104 x 150 mm does not fit .*4 mm in x and 50 mm in y"):
+    with pytest.raises(
+        PartError,
+        match=r"1: the part, with brim and raft, is 4 mm in x and 50 mm in y too large",
+    ):
         arrange([shape("box", 10, 10), shape("box", 104, 150)], 3)
 
 
 def test_a_part_that_fits_nowhere_beside_excluded_areas_is_named() -> None:
-    room = PlateRoom(ROOM.low, ROOM.high, areas(shapely.box(40, 0, 60, 100)))
-    with pytest.raises(PartError, match="1: the part fits nowhere beside the excluded areas"):
+    room = FreeArea(ROOM.low, ROOM.high, areas(shapely.box(40, 0, 60, 100)))
+    with pytest.raises(PartError, match="1: the part does not fit beside the excluded areas"):
         arrange([shape("box", 10, 10), shape("box", 50, 50)], 3, room)
 
 

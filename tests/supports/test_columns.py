@@ -9,8 +9,8 @@ from printer_slicer.geometry import difference, intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Supports
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.landings import find_landings
 from printer_slicer.supports.levels import plan_shared_layers
+from printer_slicer.supports.upward_faces import find_upward_faces
 from printer_slicer.values import replace
 from tests.parts import box, joined
 from tests.supports.by_stages import columns_of, prepared
@@ -95,7 +95,7 @@ def test_columns_go_down_to_the_bed_or_the_part() -> None:
 @pytest.mark.parametrize("gap", [0.2, 0.13])
 def test_floors_begin_at_the_gap_above_the_part_and_lie_over_it(gap: float) -> None:
     overhangs, _, sections, profile = prepared(bracket(), support_bottom_gap=gap)
-    landings = find_landings(overhangs, sections)
+    landings = find_upward_faces(overhangs, sections)
     plan = plan_shared_layers([(overhangs, profile)], landings + gap)[0]
     supports = lay_columns(overhangs, plan, sections, profile)
     paths = lay_support_beads(supports, profile)
@@ -113,7 +113,7 @@ def test_floors_begin_at_the_gap_above_the_part_and_lie_over_it(gap: float) -> N
 def test_slopes_are_no_landings() -> None:
     for part in (sphere_on_bed(), hook(), mushroom()):
         overhangs, _, sections, _ = prepared(part)
-        assert not len(find_landings(overhangs, sections))
+        assert not len(find_upward_faces(overhangs, sections))
 
 
 def test_on_bed_only_leaves_what_stands_on_the_part_and_tells_it() -> None:

@@ -312,7 +312,7 @@ def _find_unsupported(
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
 
     release_freed_memory()
-    keep_freed_memory(_LARGEST_KEPT)  # only wide layers need larger arrays, and need most of the memory
+    keep_freed_memory(_LARGEST_KEPT)  # larger arrays, as for wide layers, return their memory at once
     found = unsupported_of_program(program, profile)
     keep_freed_memory()
     if arguments.strict and "unsupported" not in arguments.allow:

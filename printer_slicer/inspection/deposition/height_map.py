@@ -43,7 +43,7 @@ CELL: Final = 0.25
 
 _SUPPORT_REACH: Final = 1  # cells; an extrusion may be supported by the print this far to each side
 _MAX_WIDTH: Final = 2.0  # mm; maximum marked width of an extrusion, however much filament is fed
-_PIECES_AT_ONCE: Final = 1 << 16  # whose cells are computed
+_PIECES_AT_ONCE: Final = 1 << 16  # bounds the memory for intermediate values
 _MAP_MARGIN: Final = 2.0  # mm around the area that the nozzle can reach
 
 

@@ -8,16 +8,16 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import difference, intersection, offset_open
+from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Overhangs, Sections
-from printer_slicer.supports.pieces import unite_layers
 
-__all__ = ["find_landings"]
+__all__ = ["find_upward_faces"]
 
 _LEAST_AREA: Final = 4.0  # mm² of a face that counts
 _NARROWEST: Final = 2.0  # mm; the steps of slopes are narrower
 
 
-def find_landings(overhangs: Overhangs, sections: Sections) -> Float:
+def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
     """Return the heights (n,), mm, of horizontal faces that face up and lie below what hangs, seen from above.
 
     Args:
