@@ -14,7 +14,7 @@ from printer_slicer.geometry import Areas
 from printer_slicer.geometry.polygons import STEPS_PER_MM
 from printer_slicer.geometry.spikes import remove_spikes
 from printer_slicer.healing.soundness import _match_edges
-from printer_slicer.kernel import VARIABLE, load_kernel
+from printer_slicer.kernel import VARIABLE, Kernel, load_kernel
 from tests.kernels import needs_kernel
 
 T = TypeVar("T")
@@ -75,19 +75,25 @@ def test_edges_of_facets_are_matched_as_in_python(seed: int) -> None:
         assert np.asarray(found).tolist() == np.asarray(expected).tolist()
 
 
-@needs_kernel
-@pytest.mark.parametrize("start", [[], [1], [0, 3], [0, 2, 1]])
-def test_offsets_that_do_not_match_are_an_error(start: list[int]) -> None:
+def _require_kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    """The kernel, even if the environment switches it off."""
+    monkeypatch.setenv(VARIABLE, "required")
     kernel = load_kernel()
     assert kernel
+    return kernel
+
+
+@needs_kernel
+@pytest.mark.parametrize("start", [[], [1], [0, 3], [0, 2, 1]])
+def test_offsets_that_do_not_match_are_an_error(start: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = _require_kernel(monkeypatch)
     with pytest.raises(ValueError, match=r"offsets|rings"):
         kernel.ring_areas(np.zeros((2, 2)), np.array(start, np.int64))
 
 
 @needs_kernel
-def test_coordinates_that_do_not_match_are_an_error() -> None:
-    kernel = load_kernel()
-    assert kernel
+def test_coordinates_that_do_not_match_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = _require_kernel(monkeypatch)
     with pytest.raises(ValueError, match="do not match"):
         kernel.match_edges(np.zeros(3), np.zeros(3), np.zeros(6))
     with pytest.raises(ValueError, match="do not match"):
