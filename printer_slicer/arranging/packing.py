@@ -124,7 +124,7 @@ def _find_best_place(
     rotations: Sequence[Footprint], spectra: Sequence[_Spectrum], plate: _Plate
 ) -> tuple[int, int, int] | None:
     """Return rotation, row and column of the best free place on a plate; None if there is none."""
-    taken, cost = plate.spectra()
+    taken, cell_cost = plate.spectra()
     shape, n_free = plate.taken.shape, plate.taken.size - plate.taken.sum()
     best, least = None, np.inf
     for rotation, (footprint, own) in enumerate(zip(rotations, spectra, strict=True)):
@@ -134,7 +134,7 @@ def _find_best_place(
         is_free = np.fft.irfft2(taken * own, shape)[:rows, :columns] < _FREE
         if not is_free.any():
             continue
-        cost = np.fft.irfft2(cost * own, shape)[:rows, :columns] / footprint.touched.sum()
+        cost = np.fft.irfft2(cell_cost * own, shape)[:rows, :columns] / footprint.touched.sum()
         cost = np.where(is_free, cost, np.inf)
         at = int(cost.argmin())
         if cost.flat[at] < least:
