@@ -165,6 +165,8 @@ def make_object_supports(
         for overhangs, profile in zip(together, profiles, strict=True)
     ]
     plans = plan_shared_layers(list(zip(together, profiles, strict=True)), np.concatenate(start_heights))
+    if not plans[0].layers.n_layers:  # all overhangs lie so low that the bed carries them
+        return None, []
     for overhangs, plan, profile in zip(together, plans, profiles, strict=True):
         made.append(make_supports(overhangs, plan, fill_layers(obstacles), profile, measure_group_times))
         obstacles.append(make_obstacles(made[-1].supports))

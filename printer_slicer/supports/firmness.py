@@ -15,6 +15,7 @@ from printer_slicer.values import Struct
 __all__ = ["Grip", "SlimPiece", "find_grips", "find_slim_pieces"]
 
 _SLIMMEST: Final = 15.0  # height by the square root of the area on the bed
+_LOWEST: Final = 3.0  # mm; lower pieces hardly fall over
 _SAME: Final = 1e-6  # mm
 
 
@@ -104,7 +105,7 @@ def _ring_boxes(areas: Areas) -> tuple[Float, Float]:
 
 
 def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
-    """Find pieces of supports on the bed whose height is more than 15 times the square root of their foot."""
+    """Find pieces of supports on the bed whose height is over 3 mm and 15 times the square root of their foot."""
     feet = split_connected(supports.area.of_layers(np.arange(1)))
     if not feet.count:
         return ()
@@ -119,7 +120,7 @@ def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
     height = np.zeros(feet.count)
     np.maximum.at(height, owner[owner >= 0], top[owner >= 0])
     area, (low, high) = feet.areas.area(), feet.areas.boxes()
-    slim = np.flatnonzero(height > _SLIMMEST * np.sqrt(area))
+    slim = np.flatnonzero((height > _LOWEST) & (height > _SLIMMEST * np.sqrt(area)) & (area > 0))
     middle = (low + high) / 2
     return tuple(
         SlimPiece(float(middle[i, 0]), float(middle[i, 1]), float(height[i]), float(area[i])) for i in slim

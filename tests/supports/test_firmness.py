@@ -70,3 +70,7 @@ def test_the_foot_decides() -> None:
 
     assert not slim[1]
     assert all(piece.height > 50 for piece in trees)
+
+
+def test_a_low_piece_is_not_slim_on_the_smallest_foot() -> None:
+    assert not find_slim_pieces(block(0.01, 10))

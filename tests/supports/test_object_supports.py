@@ -12,7 +12,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.geometry import intersection, normalize, offset
 from printer_slicer.model import Mesh, Program
 from printer_slicer.pipeline import plan_part, slice_planned, slice_stages
-from printer_slicer.placing import join, place
+from printer_slicer.placing import join, place, transform
 from printer_slicer.profile import Profile, load_profile, profile_with
 from printer_slicer.roles import roles_with
 from printer_slicer.stages import Stages
@@ -198,3 +198,16 @@ def test_a_height_range_has_its_own_supports() -> None:
         pytest.approx((11.85, 36.7), abs=1e-6),
         pytest.approx((0.0, 36.7), abs=1e-6),
     ]
+
+
+@pytest.mark.parametrize("style", ["auto", "columns", "tree"])
+def test_what_begins_in_the_second_layer_lies_on_the_bed(style: str) -> None:
+    """A box on its corner, of which compensation removes the first layer."""
+    profile = load_profile(quality="standard", changes={"support": style, "xy_compensation": -0.2})
+    part = transform(Mesh(box((10.0, 10.0, 10.0)).triangles, "box"), rotate=(45.0, 35.26, 0.0))
+
+    stages = slice_stages(part, profile)
+
+    assert stages.overhangs is not None
+    assert stages.overhangs.n_patches > 0
+    assert stages.supports is None
