@@ -89,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     limits |= {name: BUDGET[name] * tolerance for name in counts}
     if not is_recorded:
         print(
-            f"counts are recorded with {_RECORDED_WITH}; with {_describe_setup()} they may be {tolerance:g} times as high"
+            f"recorded with {_RECORDED_WITH}, measured with {_describe_setup()}: counts up to {tolerance:g} x pass"
         )
     print("| row | now | budget |\n|---|---:|---:|")
     for name, cost in measured.items():
