@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from printer_slicer.arrays import Float
 from printer_slicer.layer_settings import resolve_layer_settings
 from printer_slicer.model import (
     Mesh,
@@ -153,18 +154,14 @@ def make_object_supports(
     from printer_slicer.supports.levels import plan_shared_layers  # noqa: PLC0415
     from printer_slicer.supports.stacking import make_obstacles  # noqa: PLC0415
     from printer_slicer.supports.styles import make_supports  # noqa: PLC0415
-    from printer_slicer.supports.upward_faces import find_upward_faces  # noqa: PLC0415
 
     report("supports")
     groups = list(alike.values())
     together = [Overhangs.joined([one.overhangs for one in group]) for group in groups]
     profiles = [group[0].profile for group in groups]
     made, obstacles = [], [fill_layers(sections)]
-    start_heights = [
-        find_upward_faces(overhangs, obstacles[0]) + profile.quality.support_bottom_gap
-        for overhangs, profile in zip(together, profiles, strict=True)
-    ]
-    plans = plan_shared_layers(list(zip(together, profiles, strict=True)), np.concatenate(start_heights))
+    demands = list(zip(together, profiles, strict=True))
+    plans = plan_shared_layers(demands, _find_start_heights(demands, obstacles[0]))
     if not plans[0].layers.n_layers:  # all overhangs lie so low that the bed carries them
         return None, []
     for overhangs, plan, profile in zip(together, plans, profiles, strict=True):
@@ -175,6 +172,21 @@ def make_object_supports(
     plan = SupportPlan.joined(plans, [overhangs.plan for overhangs in together])
     supports = Supports.joined(plan, [one.supports for one in made])
     return supports, [one.paths for one in made if one.paths.n_paths]
+
+
+def _find_start_heights(demands: Sequence[tuple[Overhangs, Profile]], sections: Sections) -> Float | None:
+    """Return where supports begin above horizontal faces, mm; None if they only begin where layers of the part end.
+
+    Args:
+        demands: what hangs, with the profile of each.
+        sections: all objects.
+    """
+    if demands[0][1].quality.support_sync:
+        return None
+    from printer_slicer.supports.upward_faces import find_upward_faces  # noqa: PLC0415
+
+    found = [find_upward_faces(some, sections) + own.quality.support_bottom_gap for some, own in demands]
+    return np.concatenate(found)
 
 
 def _replace_bridges(

@@ -11,6 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas, offset
+from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.raster import CellGrid, rasterize_areas
 from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.values import Struct, replace
@@ -96,8 +97,7 @@ def _list_edge_cells(areas: Areas, grid: CellGrid) -> tuple[Int, Int]:
         first = np.minimum(begin[:, axis], begin[:, axis] + step[:, axis])
         last = np.maximum(begin[:, axis], begin[:, axis] + step[:, axis])
         count = np.maximum(np.floor(last) - np.ceil(first) + 1, 0).astype(np.int64)
-        edge = np.repeat(np.arange(len(begin)), count)
-        nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        edge, nth = expand_counts(count)
         line = np.ceil(first)[edge] + nth
         moved = step[edge, axis]
         edges.append(edge)

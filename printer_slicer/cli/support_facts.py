@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool
 from printer_slicer.extrusion import move_seconds
+from printer_slicer.extrusion.cooling import find_next_extrusions
 from printer_slicer.geometry import Areas, difference, intersection
 from printer_slicer.model import Bare, Program, Sections, Supports
 from printer_slicer.profile import Profile
@@ -68,9 +69,7 @@ def _name_style(supports: Supports) -> str:
 def _mark_supports(program: Program) -> Bool:
     """Return a mask (K,) of the moves that print supports or lead to them."""
     carries = roles_with(is_support=True)[program.role]
-    is_bead = program.role != Role.TRAVEL
-    following = np.minimum.accumulate(np.where(is_bead, np.arange(len(is_bead)), len(is_bead))[::-1])[::-1]
-    return np.asarray(np.append(carries, False)[following])
+    return np.asarray(np.append(carries, False)[find_next_extrusions(program.role, 0, program.n_moves)])
 
 
 def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:

@@ -18,7 +18,7 @@ from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import ROLES, Role, roles_with
 from printer_slicer.values import replace
 
-__all__ = ["fan_events", "slow_small_layers"]
+__all__ = ["fan_events", "find_next_extrusions", "slow_small_layers"]
 
 _MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
 _ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
@@ -103,7 +103,7 @@ def fan_events(program: Program, support_ratio: Float, profile: Profile) -> list
     steps, following = np.zeros(program.n_moves, np.int64), program.n_moves
     for first in reversed(range(0, program.n_moves, _MOVES_AT_ONCE)):
         some = slice(first, first + _MOVES_AT_ONCE)
-        extrusion = _find_next_extrusions(program.role[some], first, following)
+        extrusion = find_next_extrusions(program.role[some], first, following)
         following = int(extrusion[0])
         exists, at = extrusion < program.n_moves, np.minimum(extrusion, program.n_moves - 1)
         role = np.where(exists, program.role[at], np.int16(Role.TRAVEL))
@@ -158,7 +158,7 @@ def _overhang_fan_weights(material: Material) -> tuple[float, ...]:
     )
 
 
-def _find_next_extrusions(role: SmallInt, first: int, following: int) -> Int:
+def find_next_extrusions(role: SmallInt, first: int, following: int) -> Int:
     """Return the index (n,) of the extrusion that follows each move; for an extrusion, its own index.
 
     Args:

@@ -88,7 +88,7 @@ def plan_shared_layers(
     top = np.zeros(0)
     if len(together.layer):
         part = LayerPlan.union([overhangs.plan for overhangs, _ in demands])
-        if start_heights is not None and not demands[0][1].quality.support_sync:
+        if start_heights is not None:
             together = _add_start_heights(together, start_heights)
         top = _choose_tops(together, part, float(part.top[0]), demands[0][1])
     found = [
