@@ -36,7 +36,7 @@ portable *ARGS:
 random *ARGS:
     python -m pytest {{workers}} -m hypothesis --hypothesis-profile thorough {{ARGS}}
 
-# what the engine decides once more, with the shapely engine and without the compiled kernel: operations, regions, walls, solid infill, whole slices; not the cases that name this engine, which `test` has run
+# what the engine decides once more, with the shapely engine and without the compiled kernel: operations, regions, walls, solid infill, whole slices; cases that name this engine are skipped, because `test` has run them
 twin:
     PRINTER_SLICER_GEOMETRY=planar PRINTER_SLICER_KERNEL=off python -m pytest {{workers}} -k "not planar" tests/geometry tests/test_pipeline.py tests/test_regions.py tests/test_perimeters.py tests/infill/test_exact_filling.py
 

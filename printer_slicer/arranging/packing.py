@@ -94,7 +94,7 @@ class _Plate:
 
 
 def _compute_cell_costs(taken: Float32) -> Float32:
-    """Return the cost of each cell: low near the corner of the plate, and near what is taken or outside the plate."""
+    """Return the cost of each cell: lower near the corner, the edges and the taken cells of the plate."""
     rows, columns = np.indices(taken.shape, dtype=np.float32)
     near = np.zeros_like(taken)
     wide = np.pad(taken, _NEAR, constant_values=1.0)

@@ -105,7 +105,7 @@ def _ring_boxes(areas: Areas) -> tuple[Float, Float]:
 
 
 def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
-    """Find pieces of supports on the bed whose height is over 3 mm and 15 times the square root of their foot."""
+    """Find pieces of supports on the bed that are higher than 3 mm and than 15 times the square root of their foot."""
     feet = split_connected(supports.area.of_layers(np.arange(1)))
     if not feet.count:
         return ()
