@@ -12,6 +12,7 @@ PyObject* combine_areas(PyObject*, PyObject* arguments);            // clipping.
 PyObject* coordinate_keys(PyObject*, PyObject* arguments);          // keys.cpp
 PyObject* cut_edges(PyObject*, PyObject* arguments);                // plane_sections.cpp
 PyObject* divide_pieces(PyObject*, PyObject* arguments);            // divide_pieces.cpp
+PyObject* facet_contacts(PyObject*, PyObject* arguments);           // contacts.cpp
 PyObject* facing_boxes(PyObject*, PyObject* arguments);             // facing.cpp
 PyObject* find_cycles(PyObject*, PyObject* following);              // plane_sections.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);              // spikes.cpp

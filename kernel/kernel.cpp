@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 8;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 9;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -17,6 +17,7 @@ PyMethodDef methods[] = {
     {"coordinate_keys", coordinate_keys, METH_VARARGS, "Compute keys of corners; see kernel.py."},
     {"cut_edges", cut_edges, METH_VARARGS, "Cut edges by planes; see kernel.py."},
     {"divide_pieces", divide_pieces, METH_VARARGS, "Divide the pieces of a medial axis; see kernel.py."},
+    {"facet_contacts", facet_contacts, METH_VARARGS, "Find what can touch a ball; see kernel.py."},
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
     {"find_cycles", find_cycles, METH_O, "Find the cycles of a permutation; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},

@@ -1,66 +1,14 @@
 // Keys of corners, numbers of equal keys, connected components, and edges of facets. The twins are in printer_slicer:
 // geometry/connectivity.py, geometry/facet_topology.py and healing/soundness.py.
 
-#include <algorithm>
-#include <cstring>
+#include "keys.hpp"
+
 #include <limits>
 #include <numeric>
 
 #include "functions.hpp"
 
 namespace {
-
-// As in connectivity.py and facet_topology.py.
-constexpr std::uint64_t SPREAD = 0x9E3779B97F4A7C15;
-constexpr std::uint64_t FACTORS[] = {0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB, 0xD6E8FEB86659FD93};
-
-struct Welded {
-  std::vector<std::int32_t> number, last;
-};
-
-// Numbers equal keys alike, by the last position of each key.
-Welded weld(const std::uint64_t* key, std::size_t n) {
-  int bits = 4;
-  while ((std::size_t{1} << bits) < 2 * n) ++bits;
-  const std::size_t mask = (std::size_t{1} << bits) - 1;
-  std::vector<std::int32_t> table(mask + 1, -1), last;  // groups by hash, and the last position so far of each
-  Welded result{std::vector<std::int32_t>(n), {}};
-  for (std::size_t i = 0; i < n; ++i) {
-    std::size_t slot = (key[i] * SPREAD) >> (64 - bits);
-    while (table[slot] >= 0 && key[last[table[slot]]] != key[i]) slot = (slot + 1) & mask;
-    if (table[slot] < 0) {
-      table[slot] = static_cast<std::int32_t>(last.size());
-      last.push_back(0);
-    }
-    last[table[slot]] = static_cast<std::int32_t>(i);
-    result.number[i] = table[slot];
-  }
-  std::vector<std::int32_t> rank(last.size());
-  result.last.reserve(last.size());
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::int32_t group = result.number[i];
-    if (static_cast<std::size_t>(last[group]) != i) continue;
-    rank[group] = static_cast<std::int32_t>(result.last.size());
-    result.last.push_back(static_cast<std::int32_t>(i));
-  }
-  for (std::int32_t& number : result.number) number = rank[number];
-  return result;
-}
-
-std::uint64_t key_of(const double (&coordinates)[3]) {
-  std::uint64_t key = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double value = coordinates[axis] + 0.0;  // turns -0.0 into 0.0
-    std::uint64_t bits;
-    std::memcpy(&bits, &value, sizeof bits);
-    key ^= bits << 23;
-    key ^= bits >> 41;
-    key *= FACTORS[axis];
-    key ^= key >> 29;
-  }
-  key *= FACTORS[3];
-  return key ^ (key >> 32);
-}
 
 // Returns the component of each item, numbered by the lowest item. Source: Galler and Fischer 1964, "An improved
 // equivalence algorithm", with the lowest item as root.
@@ -108,9 +56,8 @@ std::vector<std::int32_t> number_edges(const std::vector<std::uint64_t>& tag, st
   edges->reserve(2 * n);
   for (std::size_t i = 0; i < 3 * n; ++i) {
     const std::uint64_t one = tag[i], other = tag[i < 2 * n ? i + n : i - 2 * n];
-    std::uint64_t key = (std::min(one, other) * FACTORS[3]) ^ std::max(one, other);
-    key = (key ^ (key >> 32)) * FACTORS[3];
-    std::size_t slot = (key * SPREAD) >> (64 - bits);
+    const std::uint64_t key = keys::edge_key(one, other);
+    std::size_t slot = (key * keys::SPREAD) >> (64 - bits);
     while (table[slot] >= 0 && (*edges)[table[slot]].key != key) slot = (slot + 1) & mask;
     if (table[slot] < 0) {
       table[slot] = static_cast<std::int32_t>(edges->size());
@@ -161,7 +108,7 @@ PyObject* coordinate_keys(PyObject*, PyObject* arguments) {
       throw Invalid{"the coordinates do not match"};
     result.reserve(x.size());
     for (std::size_t i = 0; i < x.size(); ++i)
-      result.push_back(key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
+      result.push_back(keys::key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
   });
   return succeeded ? to_bytes(result) : nullptr;
 }
@@ -196,7 +143,7 @@ PyObject* match_edges(PyObject*, PyObject* arguments) {
     if (x.size() > std::numeric_limits<std::int32_t>::max()) throw Invalid{"there are too many facets"};
     std::vector<std::uint64_t> tag;
     tag.reserve(x.size());
-    for (std::size_t i = 0; i < x.size(); ++i) tag.push_back(key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
+    for (std::size_t i = 0; i < x.size(); ++i) tag.push_back(keys::key_of({x.doubles()[i], y.doubles()[i], z.doubles()[i]}));
     result = match(tag, x.size() / 3);
   });
   return succeeded ? to_tuple(result.key, result.upward, result.piece, result.n_pieces) : nullptr;
@@ -205,11 +152,11 @@ PyObject* match_edges(PyObject*, PyObject* arguments) {
 PyObject* weld_keys(PyObject*, PyObject* keys) {
   const Elements<const std::uint64_t> key(keys);
   if (!key.valid()) return nullptr;
-  Welded result;
+  keys::Welded result;
   const bool succeeded = run([&] {
     if (!key.is_whole()) throw Invalid{"a key does not have 64 bits"};
     if (key.size() > std::numeric_limits<std::int32_t>::max()) throw Invalid{"there are too many keys"};
-    result = weld(key.data(), key.size());
+    result = keys::weld(key.data(), key.size());
   });
   return succeeded ? to_tuple(result.number, result.last) : nullptr;
 }

@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 8  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 9  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -138,6 +138,21 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match, or the cuts are not in the order of pieces.
+        """
+
+    def facet_contacts(self, triangles: Buffer, begin: int, /) -> tuple[bytes, ...]:
+        """Find the facets, edges and corners that a ball can touch; see `printer_slicer.surface.contacts`.
+
+        Args:
+            triangles: (n, 3, 3) float64, x, y and z of the corners of facets.
+            begin: number of the first facet.
+
+        Returns:
+            Lowest and highest z, rise, and double area of each facet (n,) as float64; then for ridges, valleys, peaks
+            and pits the arrays of `_ContactCandidates`: int64, uint64, uint64.
+
+        Raises:
+            ValueError: a facet does not have nine coordinates, or there are too many facets.
         """
 
     def facing_boxes(self, sides: memoryview, cosine: float, /) -> bytes:

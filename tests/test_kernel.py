@@ -23,8 +23,9 @@ from printer_slicer.perimeters.layout import _find_nearest_changes
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
 from tests.kernels import KERNEL, SAME_BITS, needs_kernel
-from tests.parts import box_with_hole, case_study, plain, prism
+from tests.parts import box_with_hole, case_study, cone, plain, prism
 from tests.strategies import box, clean_areas, rectilinear_areas
+from tests.supports.shapes import mushroom
 from tests.waiting import LAST_RESORT
 
 same_bits = pytest.mark.skipif(not SAME_BITS, reason="pyvoronoi may round otherwise on this processor")
@@ -205,6 +206,36 @@ def test_gcode_is_the_same_to_the_last_byte(part: Mesh) -> None:
 
     assert sliced_with("required", part, wanted) == expected
     assert sliced_with("off", part, plain(varying_walls=False)) != expected  # it has narrow places
+
+
+@needs_kernel
+@same_bits
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"support": "columns"},
+        {"support": "tree"},
+        {"support": "auto", "raft_height": 0.8, "planner__kind": "area"},
+        {"arc_tolerance": 0.02, "infill": "gyroid"},
+        {"single_top_perimeter": True, "extra_perimeters": True, "perimeters": 3},
+    ],
+    ids=", ".join,
+)
+def test_gcode_with_these_settings_is_the_same_to_the_last_byte(changes: dict[str, object]) -> None:
+    part = mushroom(cap=6.0, height=3.0)
+
+    found = [sliced_with(kernel, part, plain(**changes)) for kernel in ("off", "required")]
+
+    assert found[0] == found[1]
+    assert found[0] != sliced_with("required", part, plain())  # the settings change something
+
+
+@needs_kernel
+@same_bits
+def test_gcode_of_a_vase_is_the_same_to_the_last_byte() -> None:
+    part, wanted = cone(6.0, 4.0), plain(spiral=True)
+
+    assert sliced_with("off", part, wanted) == sliced_with("required", part, wanted)
 
 
 # Errors

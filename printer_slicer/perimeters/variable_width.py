@@ -28,7 +28,7 @@ _MAX_FACING_ANGLE = np.deg2rad(26)  # slightly more than the angle of corners th
 # Radius, mm, by which narrow places are followed into wider ones, to bridge short bulges.
 _EXTRA_RADIUS = 0.02
 _CELL = 0.4  # mm
-_POINTS_AT_ONCE = 1 << 13  # points of outlines whose narrow places are filled at once
+_POINTS_AT_ONCE = 1 << 14  # points of outlines whose narrow places are filled at once
 _SEPARATION = 2e-5  # mm; two steps of the grid that areas are rounded to
 _CHORD_RATIO = 0.8  # tolerance of the medial axis, as a share of that of outlines
 _ROUNDING = 1e-3  # mm of an outline

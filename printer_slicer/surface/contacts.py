@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
 from printer_slicer.geometry.connectivity import weld_keys
 from printer_slicer.geometry.facet_topology import coordinate_keys, edge_keys
+from printer_slicer.kernel import load_kernel
 from printer_slicer.model import Mesh
 from printer_slicer.surface.envelope import Envelope
 from printer_slicer.values import Struct, force_setattr
@@ -150,6 +151,10 @@ def _is_relevant(envelope: Envelope, low: Float, high: Float, rise: Float) -> Bo
 
 def _process_block(triangles: Float, begin: int) -> _FacetBlock:
     """Find the possible contacts of the block of facets that starts at `begin`."""
+    kernel = load_kernel()
+    if kernel:
+        facets = np.ascontiguousarray(triangles[begin : begin + _AT_ONCE])
+        return _read_block(kernel.facet_contacts(facets, begin), begin)
     x, y, z = np.ascontiguousarray(
         triangles[begin : begin + _AT_ONCE].transpose(2, 1, 0)
     )  # (3, n): corner, facet
@@ -182,6 +187,21 @@ def _process_block(triangles: Float, begin: int) -> _FacetBlock:
     )
     number = np.arange(begin, begin + len(rise), dtype=np.float64)
     return _FacetBlock(np.stack([z.min(axis=0), z.max(axis=0), rise, number]), float(size.sum()) / 2, marks)
+
+
+def _read_block(made: tuple[bytes, ...], begin: int) -> _FacetBlock:
+    """Return the block that the compiled kernel made."""
+    low, high, rise, size = (np.frombuffer(column) for column in made[:4])
+    ridges, valleys, peaks, pits = (
+        _ContactCandidates(
+            np.frombuffer(place, np.int64), np.frombuffer(key, np.uint64), np.frombuffer(refused, np.uint64)
+        )
+        for place, key, refused in zip(made[4::3], made[5::3], made[6::3], strict=True)
+    )
+    number = np.arange(begin, begin + len(rise), dtype=np.float64)
+    return _FacetBlock(
+        np.stack([low, high, rise, number]), float(size.sum()) / 2, (ridges, valleys, peaks, pits)
+    )
 
 
 def _find_candidates(

@@ -22,8 +22,9 @@ def find_table_level(first: Int, last: Int) -> Int:
 def store_range(table: Float, first: Int, last: Int, value: Float) -> None:
     """Store values (n,) >= 0 that hold from `first` to `last`, inclusive, in the table (K, n)."""
     level = find_table_level(first, last)
-    np.maximum.at(table, (level, first), value)
-    np.maximum.at(table, (level, last + 1 - (1 << level)), value)
+    flat, row = table.reshape(-1), level * table.shape[1]  # one index is several times faster than two
+    np.maximum.at(flat, row + first, value)
+    np.maximum.at(flat, row + last + 1 - (1 << level), value)
 
 
 def propagate_maxima(table: Float) -> Float:
