@@ -1,4 +1,4 @@
-// Compiles the engine of Clipper2.
+// Compiles the engine of Clipper2, and its offsets.
 
 #include "rounding.hpp"
 
@@ -8,3 +8,4 @@
 #define nearbyint(value) round_to_integer(value)
 #endif
 #include "clipper2/clipper.engine.cpp"
+#include "clipper2/clipper.offset.cpp"

@@ -233,6 +233,25 @@ class Kernel(Protocol):
             ValueError: the arrays do not match, or a number has 20 or more decimals.
         """
 
+    def inflate_paths(
+        self, xy: Buffer, start: Buffer, group: Buffer, distance: Buffer, is_closed: bool, /
+    ) -> tuple[bytes, bytes, bytes]:
+        """Offset the outlines of areas, or make areas around open lines; see `printer_slicer.geometry.clipper`.
+
+        Args:
+            xy: (N, 2) float64, mm.
+            start: (M + 1,) int64, offset of each path.
+            group: (M,) int64, ascending; paths of one group are offset together.
+            distance: (M,) float64, mm, equal within a group.
+            is_closed: whether the paths are outlines of areas.
+
+        Returns:
+            Points, offsets and groups of the rings, like the arrays of areas.
+
+        Raises:
+            ValueError: the arrays do not match.
+        """
+
     def inner_edges(self, sides: memoryview, cells: memoryview, ends: memoryview, reach: float, /) -> bytes:
         """Find the edges of diagrams that belong to the medial axis; see `printer_slicer.geometry.medial_axis`.
 

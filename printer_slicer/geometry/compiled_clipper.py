@@ -1,8 +1,7 @@
 """The default geometry engine with the compiled kernel: the same results as `clipper`, in half the time.
 
-The kernel contains the engine of Clipper2. Layers are `Areas` whose points lie on the integer grid; spikes are still
-there. They are converted to lists of rings, as in `clipper`, only for offsets with round joins, which the kernel
-cannot do.
+The kernel contains Clipper2, in the version of the Python binding that `clipper` uses. Layers are `Areas` whose points
+lie on the integer grid; spikes are still there.
 """
 
 from __future__ import annotations
@@ -12,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import clipper
+from printer_slicer.arrays import Float, Int, consecutive, unique_inverse
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.polygons import CLEARANCE, MITER_LIMIT, Join, OpenLines, Operation
 from printer_slicer.geometry.spikes import remove_spikes
@@ -22,7 +20,6 @@ from printer_slicer.kernel import Kernel, load_kernel
 __all__ = [
     "combine",
     "concatenate",
-    "is_available",
     "load",
     "load_any",
     "offset",
@@ -35,12 +32,6 @@ __all__ = [
 
 # In the order of the kernel.
 _OPERATIONS: Final[Sequence[Operation]] = ("union", "difference", "intersection")
-
-
-def is_available() -> bool:
-    """Return whether there is a kernel with the version of Clipper2 that `clipper` uses."""
-    kernel = load_kernel()
-    return kernel is not None and kernel.CLIPPER2_VERSION == clipper.CLIPPER2_VERSION
 
 
 def load(areas: Areas) -> Areas:
@@ -92,7 +83,7 @@ def _combine_once(operation: Operation, a: Areas, b: Areas) -> Areas:
 def offset(layers: Areas, distance: Float, join: Join) -> Areas:
     """Move the outlines of each layer outward by its distance, mm."""
     if join == "round":
-        return clipper.store_with_spikes(clipper.offset(clipper.load(layers), distance, join))
+        return _inflate(layers, distance)
     return _combine_once("union", _miter(layers, distance, MITER_LIMIT), Areas.empty(layers.n_layers))
 
 
@@ -122,7 +113,30 @@ def outlines_within(outlines: Areas, layers: Areas) -> OpenLines:
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
     """Return for each layer the area within a radius of its open polylines."""
-    return clipper.store_with_spikes(clipper.stroke(xy, start, layer, radius, n_layers))
+    # Lines of one radius are drawn together, in the order of the layers and then of their first lines.
+    _, kind = unique_inverse(radius)
+    pens, group = unique_inverse(layer * (int(kind.max(initial=0)) + 1) + kind)
+    first = np.full(len(pens), len(layer))
+    np.minimum.at(first, group, np.arange(len(layer)))
+    pen = np.lexsort((first, layer[first]))
+    rank = np.zeros(len(pens), np.int64)
+    rank[pen] = np.arange(len(pens))
+    order = np.argsort(rank[group], kind="stable")
+    size = np.diff(start)[order]
+    points = xy.take(consecutive(start[order], size), axis=0)
+    made = _kernel().inflate_paths(
+        points, np.append(0, np.cumsum(size)), rank[group][order], radius[order], False
+    )
+    drawn, home = Areas.from_buffers(made, len(pens)), layer[first][pen]
+    drawn = Areas(drawn.xy, drawn.ring_start, home[drawn.ring_layer], n_layers)
+    return combine("union", drawn, Areas.empty(n_layers)) if (np.diff(home) == 0).any() else drawn
+
+
+def _inflate(layers: Areas, distance: Float) -> Areas:
+    """Move the outlines of each layer outward by its distance, mm, with round joins."""
+    by = distance[layers.ring_layer]
+    made = _kernel().inflate_paths(layers.xy, layers.ring_start, layers.ring_layer, by, True)
+    return Areas.from_buffers(made, layers.n_layers)
 
 
 def _kernel() -> Kernel:

@@ -23,6 +23,7 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.outline_simplification import simplify_outlines
 from printer_slicer.geometry.polygons import MITER_LIMIT, Join, Operation, Polygons
 from printer_slicer.geometry.windows import intersect_windows
+from printer_slicer.kernel import load_kernel
 
 __all__ = [
     "difference",
@@ -46,9 +47,13 @@ VARIABLE: Final = "PRINTER_SLICER_GEOMETRY"
 
 
 def _load_clipper() -> Polygons:
-    from printer_slicer.geometry import clipper, compiled_clipper  # noqa: PLC0415 - each run loads one engine
+    if load_kernel():
+        from printer_slicer.geometry import compiled_clipper  # noqa: PLC0415 - each run loads one engine
 
-    return compiled_clipper if compiled_clipper.is_available() else clipper
+        return compiled_clipper
+    from printer_slicer.geometry import clipper  # noqa: PLC0415
+
+    return clipper
 
 
 def _load_planar() -> Polygons:

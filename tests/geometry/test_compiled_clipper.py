@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import (
     Areas,
+    clipper,
     difference,
     intersection,
     normalize,
     offset,
     offset_open,
     outlines_within,
+    stroke_lines,
     union,
     window_intersection,
 )
@@ -93,12 +95,11 @@ def test_the_engine_is_the_compiled_one_if_there_is_a_kernel(monkeypatch: pytest
     assert getattr(load_engine("clipper"), "__name__", "").endswith("geometry.clipper")
 
 
-def test_another_version_of_clipper2_is_not_mixed_with_that_of_the_kernel(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("printer_slicer.geometry.clipper.CLIPPER2_VERSION", "3.0.0")
+def test_the_kernel_has_the_version_of_clipper2_that_is_used_without_it() -> None:
+    """Otherwise results may differ: put the files of that version into kernel/clipper2."""
+    kernel = load_kernel()
 
-    assert getattr(load_engine("clipper"), "__name__", "").endswith("geometry.clipper")
+    assert kernel is None or kernel.CLIPPER2_VERSION == clipper.CLIPPER2_VERSION
 
 
 @given(areas(2))
@@ -135,6 +136,23 @@ def test_outlines_are_moved_alike(stack: Areas, by: list[int]) -> None:
 @given(clean_areas(2), st.floats(-2.0, 2.0))
 def test_outlines_are_moved_alike_with_round_joins(stack: Areas, by: float) -> None:
     assert is_same(lambda: offset(stack, by, join="round"))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 9))
+def test_lines_are_drawn_alike(seed: int, n_lines: int) -> None:
+    """Also several widths on a layer, lines that cross or return, and layers in any order."""
+    rng = np.random.default_rng(seed)
+    size = rng.integers(2, 6, n_lines)
+    xy, start = rng.integers(-9, 9, (int(size.sum()), 2)) / 2, np.append(0, np.cumsum(size))
+    layer, radius = rng.integers(0, 3, n_lines), rng.choice([0.2, 0.35, 1.5], n_lines)
+
+    assert is_same(lambda: stroke_lines(xy, start, layer, radius, 4))
+
+
+def test_no_lines_are_drawn_alike() -> None:
+    none = np.zeros(0, np.int64)
+
+    assert is_same(lambda: stroke_lines(np.zeros((0, 2)), np.zeros(1, np.int64), none, np.zeros(0), 2))
 
 
 @given(clean_areas(2), st.floats(0.0, 3.0), st.floats(1.0, 3.0))
@@ -224,6 +242,8 @@ def test_arrays_that_do_not_match_are_errors(broken: tuple[Float, ...]) -> None:
     with pytest.raises(ValueError, match=r"match|ascend|points"):
         kernel.miter_areas(*broken, np.zeros(len(broken[2])), 2.0)
     with pytest.raises(ValueError, match=r"match|ascend|points"):
+        kernel.inflate_paths(*broken, np.zeros(len(broken[2])), True)
+    with pytest.raises(ValueError, match=r"match|ascend|points"):
         kernel.find_spikes(*broken)
 
 
@@ -236,5 +256,7 @@ def test_other_wrong_arguments_are_errors() -> None:
         kernel.combine_areas(3, *arrays(), *arrays())
     with pytest.raises(ValueError, match="one distance per ring"):
         kernel.miter_areas(*arrays(), np.zeros(2), 2.0)
+    with pytest.raises(ValueError, match="one distance per path"):
+        kernel.inflate_paths(*arrays(), np.zeros(2), True)
     with pytest.raises(TypeError):
         kernel.find_spikes(None, None, None)

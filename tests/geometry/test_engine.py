@@ -27,6 +27,8 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.engine import ENGINES, load_engine, using_engine
 from printer_slicer.geometry.polygons import ROUND_TOLERANCE, Join
+from printer_slicer.kernel import VARIABLE
+from tests.kernels import needs_kernel
 from tests.parts import shape, shapely
 from tests.strategies import areas, box, clean_areas, rectilinear_areas
 
@@ -520,8 +522,17 @@ def test_the_engine_is_the_one_before_again_after_the_block() -> None:
     assert normalize(Areas.empty(1)).n_layers == 1
 
 
-@pytest.mark.parametrize(("chosen", "loaded"), [("", "clipper2"), ("planar", "shapely")])
-def test_the_environment_chooses_and_only_that_engine_is_loaded(chosen: str, loaded: str) -> None:
+@pytest.mark.parametrize(
+    ("chosen", "kernel", "loaded"),
+    [
+        ("", "off", ["clipper2"]),
+        ("planar", "off", ["shapely"]),
+        pytest.param("", "required", [], marks=needs_kernel),
+    ],
+)
+def test_the_environment_chooses_and_only_that_engine_is_loaded(
+    chosen: str, kernel: str, loaded: list[str]
+) -> None:
     code = (
         "import sys; from printer_slicer.geometry import Areas, normalize\n"
         "def engines(): return {'clipper2', 'shapely'} & {name.partition('.')[0] for name in sys.modules}\n"
@@ -529,7 +540,7 @@ def test_the_environment_chooses_and_only_that_engine_is_loaded(chosen: str, loa
         "normalize(Areas.empty(1))\n"
         "print(*before, *sorted(engines()))"
     )
-    environment = {**os.environ, "PRINTER_SLICER_GEOMETRY": chosen}
+    environment = {**os.environ, "PRINTER_SLICER_GEOMETRY": chosen, VARIABLE: kernel}
     run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True)
 
-    assert run.stdout.decode().split() == [loaded]
+    assert run.stdout.decode().split() == loaded
