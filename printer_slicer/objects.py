@@ -25,7 +25,7 @@ from printer_slicer.slicing import cut
 from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
 
-__all__ = ["cut_objects", "make_object_paths", "split_objects"]
+__all__ = ["cut_objects", "list_overridable_names", "make_object_paths", "split_objects"]
 
 
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
@@ -126,11 +126,21 @@ def _number_equal_names(names: Sequence[str]) -> list[set[str]]:
     return object_names
 
 
-def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]], part: Mesh) -> None:
-    """Check that each overridden name is the name of an object or of a modifier."""
+def list_overridable_names(part: Mesh) -> list[str]:
+    """Return all names by which overrides may refer to the objects and modifiers of a part, sorted."""
+    return _join_names(_list_object_names(part), part)
+
+
+def _join_names(object_names: Sequence[set[str]], part: Mesh) -> list[str]:
+    """Return the names of objects and of the modifiers of a part, sorted."""
     volumes = part.all_volumes
     modifiers = {mesh.name for mesh in volumes.modifiers} if volumes else set()
-    known = sorted(modifiers.union(*object_names))
+    return sorted(modifiers.union(*object_names))
+
+
+def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]], part: Mesh) -> None:
+    """Check that each overridden name is the name of an object or of a modifier."""
+    known = _join_names(object_names, part)
     for name in overridden:
         if name not in known:
             near = find_similar_words(name, known, most=1)

@@ -23,10 +23,7 @@ from printer_slicer.model import Mesh, PlateObject, Volumes
 from printer_slicer.profile import Printer
 from printer_slicer.values import Struct, replace
 
-__all__ = ["COPY_GAP", "IN_THE_MIDDLE", "Placement", "copy_in_grid", "join", "place", "transform"]
-
-COPY_GAP: Final = 8.0
-"""Distance between copies of a part, mm."""
+__all__ = ["IN_THE_MIDDLE", "Placement", "join", "place", "transform"]
 
 _SLACK: Final = 1e-6  # mm
 
@@ -275,43 +272,6 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
             items.append(replace(item.with_facets_before(begin), volumes=volumes))
         begin += mesh.n_facets
     return Mesh(np.concatenate([mesh.triangles for mesh in meshes]), name, tuple(items))
-
-
-def copy_in_grid(mesh: Mesh, copies: int, printer: Printer, gap: float = COPY_GAP) -> Mesh:
-    """Return copies of a part as one mesh, arranged in rows and columns.
-
-    Args:
-        mesh: the part; it is the front left copy.
-        copies: number of copies, 1 or more.
-        printer: gives the size of the bed.
-        gap: distance between their bounding boxes, mm.
-
-    Raises:
-        PartError: the bed has no room for this number of copies.
-    """
-    if copies == 1:
-        return mesh
-    low, high = mesh.bounds
-    pitch = (high - low)[:2] + gap
-    room = np.array([printer.bed_x, printer.bed_y])
-    most = np.maximum(np.floor((room + gap + _SLACK) / pitch), 0).astype(np.int64)
-    if copies > most.prod():
-        raise PartError(
-            f"{mesh.name}: {copies} copies of {high[0] - low[0]:.5g} x {high[1] - low[1]:.5g} mm, {gap:g} mm apart, do "
-            f"not fit the bed of {printer.name!r}, {room[0]:g} x {room[1]:g} mm",
-            remedy=f"Print at most {most.prod()} copies at a time"
-            if most.all()
-            else "Choose a larger printer",
-        )
-    columns = np.arange(1, most[0] + 1)
-    rows = -(-copies // columns)
-    # Choose the grid whose longer side is shortest; of several such grids, the one with the fewest empty places.
-    sides = np.maximum(columns * pitch[0], rows * pitch[1])
-    across = int(columns[np.lexsort((columns * rows, np.where(rows <= most[1], sides, np.inf)))[0]])
-    places = [(number % across, number // across) for number in range(copies)]
-    moved = [np.array([x * pitch[0], y * pitch[1], 0.0]) for x, y in places]
-    joined = join([mesh.moved(by) for by in moved])
-    return replace(joined, name=f"{copies} copies of {mesh.name}")
 
 
 def _update_envelopes(items: Sequence[PlateObject], triangles: Float) -> tuple[PlateObject, ...]:

@@ -9,19 +9,20 @@ import numpy as np
 
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PartError, UsageError
 from printer_slicer.geometry import Areas, offset, simplify
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
 from printer_slicer.profile import Profile
 from printer_slicer.surface.top_view import project_from_above
 
-__all__ = ["PART_GAP", "arrange"]
+__all__ = ["PART_GAP", "arrange", "find_places", "make_plates"]
 
 PART_GAP: Final = 6.0
 """Smallest distance between arranged parts by default, mm."""
 
 _MAX_POINTS: Final = 500  # of outlines that are not simplified
+_SLACK: Final = 1e-6  # mm
 _TOLERANCE: Final = 0.05  # mm; larger outlines are enlarged by this, then simplified within it
 
 
@@ -55,20 +56,33 @@ def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) 
         raise UsageError("no part to arrange", remedy="Pass at least one part")
     if not 0 <= gap < np.inf:
         raise UsageError(f"gap {gap}: must be 0 mm or more", remedy="Choose a distance such as 6")
-    arrangement = _find_places(meshes, profile, gap)
-    moved = [_move_part(mesh, arrangement, part) for part, mesh in enumerate(meshes)]
-    plates = [np.flatnonzero(arrangement.plate == plate) for plate in range(arrangement.n_plates)]
-    return tuple(join([moved[part] for part in parts.tolist()]) for parts in plates)
+    return make_plates(meshes, find_places(meshes, profile, gap))
 
 
-def _find_places(meshes: Sequence[Mesh], profile: Profile, gap: float) -> Arrangement:
-    """Return the places of all parts."""
+def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP) -> Arrangement:
+    """Find a place for each part; arguments as for `arrange`.
+
+    Raises:
+        PartError: a part does not fit the print volume.
+    """
+    for mesh in meshes:
+        _check_height(mesh, profile)
     around = _compute_margin(profile)
     known = {id(mesh): mesh for mesh in meshes}
     outline_of = {key: _find_outline(mesh, around) for key, mesh in known.items()}
     low, high = map(np.array, profile.printer.corners)
-    outlines, names = [outline_of[id(mesh)] for mesh in meshes], [mesh.name for mesh in meshes]
-    return arrange_outlines(outlines, names, FreeArea(low, high, Areas.empty(1)), gap)
+    around_bed = _name_surroundings(profile)
+    names = [f"{mesh.name}: the part{around_bed and f' with its {around_bed}'}" for mesh in meshes]
+    outlines, room = [outline_of[id(mesh)] for mesh in meshes], FreeArea(low, high, Areas.empty(1))
+    remedy = "Choose a larger printer, or scale the part"
+    remedy += f", or make its {around_bed} narrower" if around_bed else ""
+    return arrange_outlines(outlines, names, room, gap, remedy=remedy)
+
+
+def _name_surroundings(profile: Profile) -> str:
+    """Return what surrounds a part on the bed: brim, raft, both or nothing."""
+    has = {"brim": profile.quality.brim_width, "raft": profile.quality.raft_height}
+    return " and ".join(name for name, size in has.items() if size)
 
 
 def _compute_margin(profile: Profile) -> float:
@@ -87,8 +101,36 @@ def _find_outline(mesh: Mesh, around: float) -> Areas:
     return offset(outline, around, join="round") if around else outline
 
 
-def _move_part(mesh: Mesh, arrangement: Arrangement, part: int) -> Mesh:
+def make_plates(meshes: Sequence[Mesh], arrangement: Arrangement, *, drop: bool = True) -> tuple[Mesh, ...]:
+    """Rotate and move parts to their places, and join the parts of each plate.
+
+    Args:
+        meshes: the parts.
+        arrangement: their places.
+        drop: whether each part is moved down or up onto z = 0; otherwise it keeps its z.
+    """
+    moved = [_move_part(mesh, arrangement, part, drop=drop) for part, mesh in enumerate(meshes)]
+    plates = [np.flatnonzero(arrangement.plate == plate) for plate in range(arrangement.n_plates)]
+    return tuple(join([moved[part] for part in parts.tolist()]) for parts in plates)
+
+
+def _move_part(mesh: Mesh, arrangement: Arrangement, part: int, *, drop: bool) -> Mesh:
     """Return a part at its place on the bed."""
     turned = transform(mesh, rotate=(0.0, 0.0, float(arrangement.angle[part])))
     x, y = arrangement.shift[part].tolist()
-    return turned.moved((x, y, -float(turned.bounds[0, 2])))
+    return turned.moved((x, y, -float(turned.bounds[0, 2]) if drop else 0.0))
+
+
+def _check_height(mesh: Mesh, profile: Profile) -> None:
+    """Check that a part is not higher than the print volume.
+
+    Raises:
+        PartError: it is.
+    """
+    height, most = float(mesh.size[2]), profile.printer.bed_z
+    if height > most + _SLACK:
+        raise PartError(
+            f"{mesh.name}: the part is {height - most:.3g} mm too high for {profile.printer.name!r}, which prints "
+            f"up to {most:g} mm",
+            remedy="Choose a larger printer, or scale or rotate the part",
+        )

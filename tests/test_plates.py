@@ -91,9 +91,20 @@ def test_a_part_as_large_as_the_bed_fits() -> None:
 def test_a_part_larger_than_the_bed_is_named() -> None:
     with pytest.raises(
         ps.PrinterSlicerError,
-        match=r"beam: the part, with brim and raft, is .* mm in x .* too large",
+        match=r"beam: the part is .* mm in x .* too large .* rotated by 45 degrees",
     ):
         ps.arrange([named("cube", (20, 20, 20)), named("beam", (400, 10, 10))], PROFILE)
+    wide = ps.profile_with(PROFILE, {"brim_width": 10})
+    with pytest.raises(
+        ps.PrinterSlicerError, match=r"sheet: the part with its brim is 1.* mm in x"
+    ) as caught:
+        ps.arrange([named("sheet", (215, 215, 1))], wide)
+    assert "make its brim narrower" in str(caught.value)
+
+
+def test_a_part_higher_than_the_printer_is_named() -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=r"mast: the part is 50 mm too high"):
+        ps.arrange([named("cube", (20, 20, 20)), named("mast", (9, 9, PROFILE.printer.bed_z + 50))], PROFILE)
 
 
 @pytest.mark.parametrize("gap", [-1, inf, float("nan")])

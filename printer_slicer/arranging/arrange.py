@@ -18,7 +18,7 @@ from printer_slicer.arranging.packing import Packing, PlateCells, pack
 from printer_slicer.arranging.spacing import find_smallest_distance
 from printer_slicer.arrays import Int
 from printer_slicer.errors import PartError
-from printer_slicer.geometry import Areas
+from printer_slicer.geometry import Areas, offset
 from printer_slicer.geometry.raster import CellGrid
 from printer_slicer.values import replace
 
@@ -41,6 +41,8 @@ def arrange_outlines(
     room: FreeArea,
     gap: float,
     rotations: Sequence[float] = ROTATIONS,
+    *,
+    remedy: str = "Choose a larger printer, or scale the part",
 ) -> Arrangement:
     """Find places for parts on few plates.
 
@@ -49,10 +51,11 @@ def arrange_outlines(
 
     Args:
         outlines: of each part as seen from above, one layer each, mm; copies may be the same object.
-        names: of the parts, for messages.
+        names: of the parts, for messages, such as `lid: the part with its brim`.
         room: where parts may stand; the same for all plates.
         gap: smallest distance between parts, mm.
         rotations: about z that are allowed, degrees.
+        remedy: what helps if a part does not fit.
 
     Raises:
         PartError: a part does not fit an empty plate.
@@ -60,16 +63,13 @@ def arrange_outlines(
     cell = max(float(room.size.max()) / _CELLS, _FINEST)
     coarse = _list_footprints(outlines, rotations, gap, 2 * cell)
     for name, own in zip(names, coarse, strict=True):
-        _check_size(name, own, room)
+        _check_size(name, own, room, remedy)
     orders = _list_best_orders(coarse, _make_plate(room, 2 * cell))
     fine, plate = _list_footprints(outlines, rotations, gap, cell), _make_plate(room, cell)
     packings = [pack(fine, order, plate) for order in orders]
     best = min((one for one in packings if one), key=lambda one: (one.n_plates, one.last_share), default=None)
     if best is None:
-        raise PartError(
-            f"{_name_unplaced(names, fine, plate)}: the part does not fit beside the excluded areas of the plate",
-            remedy="Choose a larger printer, or scale the part",
-        )
+        raise PartError(_describe_unplaced(names, outlines, rotations, plate), remedy=remedy)
     arrangement = _center(_read_places(best, fine, room, cell), outlines, room)
     _check_spacing(arrangement, outlines, gap)
     return arrangement
@@ -97,7 +97,7 @@ def _make_plate(room: FreeArea, cell: float) -> PlateCells:
     return PlateCells(excluded, room.size, cell)
 
 
-def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea) -> None:
+def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea, remedy: str) -> None:
     """Check that a part fits the rectangle of the plate in one of its rotations.
 
     Raises:
@@ -110,10 +110,10 @@ def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea) -> N
     axes = " and ".join(
         f"{value:.3g} mm in {axis}" for axis, value in zip("xy", excess, strict=True) if value > 0
     )
+    turned = f", even if it is rotated by {best.angle:g} degrees" if best.angle else ""
     raise PartError(
-        f"{name}: the part, with brim and raft, is {axes} too large for the plate of {room.size[0]:g} x "
-        f"{room.size[1]:g} mm, even if it is rotated by {best.angle:g} degrees",
-        remedy="Choose a larger printer, scale the part, or lower `brim_width` or `raft_margin`",
+        f"{name} is {axes} too large for the plate of {room.size[0]:g} x {room.size[1]:g} mm{turned}",
+        remedy=remedy,
     )
 
 
@@ -183,11 +183,25 @@ def _check_spacing(arrangement: Arrangement, outlines: Sequence[Areas], gap: flo
             raise ValueError(f"parts on plate {plate + 1} are {found:g} mm apart instead of {gap:g} mm")
 
 
-def _name_unplaced(names: Sequence[str], footprints: Sequence[Sequence[Footprint]], plate: PlateCells) -> str:
-    """Return the name of the first part that fits nowhere."""
-    nowhere = (
-        name
-        for name, own in zip(names, footprints, strict=True)
-        if pack([own], np.zeros(1, np.int64), plate) is None
+def _describe_unplaced(
+    names: Sequence[str], outlines: Sequence[Areas], rotations: Sequence[float], plate: PlateCells
+) -> str:
+    """Describe the first part that fits nowhere beside the excluded areas, and by how much it is too large."""
+    known = {id(outline): outline for outline in outlines}
+    fits = {key: _fits_alone(outline, rotations, plate) for key, outline in known.items()}
+    at = next(at for at, outline in enumerate(outlines) if not fits[id(outline)])
+    low, high = 0.0, float(plate.size.min()) / 2
+    while high - low > plate.cell / 2:
+        middle = (low + high) / 2
+        smaller = offset(outlines[at], -middle, join="round")
+        low, high = (low, middle) if _fits_alone(smaller, rotations, plate) else (middle, high)
+    return f"{names[at]} is about {2 * high:.2g} mm too large to fit beside the excluded areas of the plate"
+
+
+def _fits_alone(outline: Areas, rotations: Sequence[float], plate: PlateCells) -> bool:
+    """Return whether an outline fits the empty plate; one without area does."""
+    if not outline.n_rings:
+        return True
+    return (
+        pack([list_footprints(outline, rotations, 0.0, plate.cell)], np.zeros(1, np.int64), plate) is not None
     )
-    return next(nowhere)

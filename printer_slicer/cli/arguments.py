@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 from printer_slicer.cli.help import mark_advanced
 
 __all__ = [
+    "MAX_COPIES",
     "SETTING_OPTIONS",
     "STRICT_HELP",
     "SettingOption",
@@ -42,6 +43,9 @@ __all__ = [
     "parse_scale",
     "parse_timeout",
 ]
+
+MAX_COPIES: Final = 1000
+"""Maximum number of copies of a model."""
 
 _SIGNED_OPTIONS: Final = ("--rotate", "--center", "--box", "--range")
 """Options whose values may begin with a minus sign; argparse would mistake such a value for an option."""
@@ -91,12 +95,9 @@ def parse_number(text: str) -> float:
 
 
 def parse_copies(text: str) -> int:
-    """Parse a number of copies, 1 to 1000."""
-    return int(
-        _parse_checked_number(
-            text, "a number of copies from 1 to 1000", lambda value: 1 <= value <= 1000, int
-        )
-    )
+    """Parse a number of copies, 1 to `MAX_COPIES`."""
+    expected = f"a number of copies from 1 to {MAX_COPIES}"
+    return int(_parse_checked_number(text, expected, lambda value: 1 <= value <= MAX_COPIES, int))
 
 
 def parse_pixels(text: str) -> int:
@@ -548,15 +549,15 @@ def add_model_options(
             help=meaning,
         )
     else:
-        what = "models (STL, 3MF, OBJ, STEP, ...), printed together on one plate" + (
+        what = "models (STL, 3MF, STEP, ...); MODEL*3: three copies" + (
             "; or one G-code file" if gcode else ""
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
-    _add_placement_options(parser)
+    _add_placement_options(parser, arranges=not flag)
 
 
-def _add_placement_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for units and placement of models."""
+def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool) -> None:
+    """Add the options for units and placement of models; `arranges`: whether --arrange is an everyday option."""
     group = parser.add_argument_group("model placement")
     group.add_argument(
         "--scale",
@@ -575,9 +576,14 @@ def _add_placement_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         type=parse_copies,
         default=1,
-        help="print N copies of each model, arranged in a grid",
+        help="print N copies of each model, arranged on the bed",
     )
     where = group.add_mutually_exclusive_group()
+    arrange = where.add_argument(
+        "--arrange", action="store_true", help="arrange the parts; default: if they would overlap"
+    )
+    if not arranges:
+        mark_advanced(arrange)
     mark_advanced(
         where.add_argument(
             "--center",
@@ -591,7 +597,28 @@ def _add_placement_options(parser: argparse.ArgumentParser) -> None:
             "--as-placed", action="store_true", help="use the x and y of the files as positions on the bed"
         )
     )
+    _add_plate_options(group)
     _add_file_reading_options(group)
+
+
+def _add_plate_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options for arranged plates."""
+    mark_advanced(
+        group.add_argument(
+            "--gap",
+            metavar="MM",
+            type=parse_factor,
+            help="arrange the parts, with at least this distance between them; default: 6",
+        )
+    )
+    mark_advanced(
+        group.add_argument(
+            "--plate",
+            metavar="N",
+            type=parse_positive_integer,
+            help="use only plate N, counted from 1, if the parts need several plates",
+        )
+    )
 
 
 def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Final
 
+from printer_slicer.cli.arguments import MAX_COPIES
 from printer_slicer.errors import UsageError
 
 __all__ = ["MODELS", "reject_non_gcode", "resolve_inputs", "save_stdin"]
@@ -46,7 +47,7 @@ def resolve_inputs(arguments: argparse.Namespace) -> Iterator[str]:
         UsageError: a pattern matches no file, `-` is given twice, or stdin is empty.
     """
     several = "files" if hasattr(arguments, "files") else "models"
-    models = [path for one in getattr(arguments, several, ()) for path in _expand_pattern(one)]
+    models = [path for one in getattr(arguments, several, ()) for path in _expand_model(one)]
     gcode = getattr(arguments, "gcode", None)
     if gcode is not None:
         arguments.gcode = gcode = _expand_to_one_file(gcode)
@@ -91,6 +92,31 @@ def _replace_stdin_profile(arguments: argparse.Namespace, path: str) -> None:
             setattr(arguments, flag, path)
     if hasattr(arguments, "names"):
         arguments.names = [path if name == "-" else name for name in arguments.names]
+
+
+def _expand_model(path: Path) -> list[Path]:
+    """Return the files that a model stands for: `part.stl*3` is three copies, other patterns are those of files.
+
+    A file whose name contains `*` is that file.
+
+    Raises:
+        UsageError: the number of copies is invalid, or a pattern matches no file.
+    """
+    text = str(path)
+    base, star, count = text.rpartition("*")
+    is_model = Path(base).suffix.lower() in MODELS
+    if not star or path.exists() or not (is_model or Path(base).is_file()):
+        return _expand_pattern(path)
+    if count.isdecimal() and 1 <= int(count) <= MAX_COPIES:
+        return [one for one in _expand_pattern(Path(base)) for _ in range(int(count))]
+    import glob
+
+    if glob.glob(text, recursive=True):  # noqa: PTH207 - the pattern may be absolute
+        return _expand_pattern(path)
+    raise UsageError(
+        f"{path}: {count!r} is not a number of copies from 1 to {MAX_COPIES}",
+        remedy=f"Write {base}*3 for three copies",
+    )
 
 
 def _expand_pattern(path: Path) -> list[Path]:

@@ -83,7 +83,7 @@ def make_job(
     from printer_slicer.slice_jobs import job_of
 
     report("loading")
-    mesh, plate = load_plate(arguments, profile.printer, report)
+    mesh, plate = load_plate(arguments, profile, report)
     profile, plate = apply_projects(arguments, profile, mesh, plate)
     name = format_model_names(arguments.models)
     job = job_of(

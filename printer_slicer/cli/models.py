@@ -5,26 +5,38 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from printer_slicer.cli.arrange_models import (
+    ArrangedPlates,
+    arrange_models,
+    check_plate_number,
+    describe_other_plates,
+    explain_arranging,
+    get_gap,
+    is_arranging_requested,
+    reject_positions_with_copies,
+    split_separate_objects,
+)
 from printer_slicer.cli.output import sanitize, warn
 from printer_slicer.cli.settings import collect_changes
-from printer_slicer.errors import PartError
+from printer_slicer.errors import PartError, UsageError
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
-from printer_slicer.placing import Placement, copy_in_grid, join, transform
+from printer_slicer.placing import Placement, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
 from printer_slicer.profile.object_profiles import list_support_styles, list_unfollowed_settings
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
+    from printer_slicer.arrays import Float
     from printer_slicer.cli.output import StageReport
     from printer_slicer.importing.projects import Project
     from printer_slicer.model import Mesh, Repairs
@@ -38,6 +50,7 @@ __all__ = [
     "keep_freed_memory",
     "load_c_library",
     "load_plate",
+    "load_plates",
     "load_repaired_plate",
     "release_freed_memory",
     "release_memory_between_stages",
@@ -62,72 +75,173 @@ class Plate(Struct, frozen=True, eq=False):
         placement: position of the parts on the bed.
         warnings: sentences for the user.
         models: facts about each file, for JSON.
+        number: number of the plate, from 1.
+        count: number of plates that the parts need.
+        parts: facts about the places of the parts on all plates, for JSON; empty if they are not arranged.
+        names: names of the objects and modifiers on all plates, if there are several.
+        tells: whether messages about settings of projects are printed, which are the same for all plates.
     """
 
     placement: Placement
     warnings: tuple[str, ...]
     models: tuple[dict[str, Any], ...]
+    number: int = 1
+    count: int = 1
+    parts: tuple[dict[str, Any], ...] = ()
+    names: frozenset[str] = frozenset()
+    tells: bool = True
 
     def collect_facts(self) -> dict[str, Any]:
         """Return the facts for JSON."""
-        return {"models": list(self.models), "warnings": list(self.warnings)}
+        places = {"plate": self.number, "plates": self.count, "parts": list(self.parts)}
+        return {"models": list(self.models), "warnings": list(self.warnings), **places}
 
 
-def load_plate(arguments: argparse.Namespace, printer: Printer, report: StageReport) -> tuple[Mesh, Plate]:
-    """Read all models of a command line into one mesh, scaled and rotated, at the positions of their files.
+class _LoadedFile(NamedTuple):
+    """A model file, and its mesh scaled and rotated."""
 
-    Warnings are printed to stderr at once.
+    model: Model
+    mesh: Mesh
+
+
+def load_plate(arguments: argparse.Namespace, profile: Profile, report: StageReport) -> tuple[Mesh, Plate]:
+    """Read the models of a command that uses one plate, as `load_plates`.
+
+    Raises:
+        UsageError, MeshError, PartError: as `load_plates`.
+        UsageError: the parts need several plates, and --plate is not given.
+    """
+    meshes, plates = load_plates(arguments, profile, report)
+    if len(meshes) > 1:
+        raise UsageError(
+            f"the parts need {len(meshes)} plates, but this command uses one; "
+            f"{describe_other_plates(plates[0].parts)}",
+            remedy="Choose a plate with --plate N, or make G-code of all plates with `printer-slicer slice`",
+        )
+    return meshes[0], plates[0]
+
+
+def load_plates(
+    arguments: argparse.Namespace, profile: Profile, report: StageReport
+) -> tuple[list[Mesh], list[Plate]]:
+    """Read all models of a command line, scaled and rotated, into one mesh for each plate.
+
+    The parts have the positions of their files, or are arranged. Warnings are printed to stderr at once. With --plate,
+    only this plate is returned.
 
     Raises:
         UsageError, MeshError: a file cannot be read, or is not a model.
-        PartError: parts overlap and --fuse is not given.
+        PartError: parts overlap where they may not, or a part does not fit the bed.
     """
     keep_freed_memory()
-    room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
-    models, meshes, warnings = [], [], []
-    for path in arguments.models:
-        model, mesh = _load_transformed(arguments, path, report)
-        warnings += [f"{path.name}: {note}" for note in model.notes]
+    reject_positions_with_copies(arguments)
+    files = {path: _load_transformed(arguments, path, report) for path in dict.fromkeys(arguments.models)}
+    volumes = _load_volumes(arguments, report)
+    room = np.array([profile.printer.bed_x, profile.printer.bed_y, profile.printer.bed_z])
+    warnings = list(_list_file_warnings(arguments, files, room))
+    placement = _make_placement(arguments, [one.model for one in files.values()])
+    if not arguments.fuse:
+        _reject_overlapping_objects(files)
+    parts, why = _collect_parts(arguments, files, profile.printer)
+    arranged: ArrangedPlates | None = None
+    if why is not None:
+        report("arranging")
+        arranged = arrange_models(arguments, _add_volumes(parts, volumes), profile)
+        warnings += [f"{why}: {arranged.describe(get_gap(arguments))}"] if why else []
+    else:
+        warnings += _list_floating_part_warnings(files, placement)
+    warn(arguments, warnings)
+    models = tuple(_collect_model_facts(one.model) for one in files.values())
+    plate = Plate(placement, tuple(warnings), models)
+    if arranged is None:
+        check_plate_number(arguments, 1)
+        return [join(parts).with_volumes(volumes)], [plate]
+    return _list_arranged_plates(arguments, arranged, plate)
+
+
+def _collect_parts(
+    arguments: argparse.Namespace, files: Mapping[Path, _LoadedFile], printer: Printer
+) -> tuple[list[Mesh], str | None]:
+    """Return the parts to print, and why they are arranged: empty if this is requested; None: they are not arranged.
+
+    Raises:
+        PartError: parts overlap, but positions are given.
+    """
+    parts = [files[path].mesh for path in arguments.models]
+    if arguments.fuse:
+        fused = [join(parts)] * arguments.copies
+        return fused, "" if is_arranging_requested(arguments) else None
+    if is_arranging_requested(arguments):
+        if arguments.arrange:
+            split = {path: split_separate_objects(one.mesh) for path, one in files.items()}
+            parts = [part for path in arguments.models for part in split[path]]
+        return [part for part in parts for _ in range(arguments.copies)], ""
+    overlaps = _describe_overlapping_files(arguments.models, parts)
+    return parts, explain_arranging(arguments, parts, overlaps, printer) or None
+
+
+def _add_volumes(parts: Sequence[Mesh], volumes: Volumes | None) -> list[Mesh]:
+    """Return the parts, each with the volumes of the command line; copies stay the same mesh."""
+    own = {id(part): part.with_volumes(volumes) for part in parts}
+    return [own[id(part)] for part in parts]
+
+
+def _list_arranged_plates(
+    arguments: argparse.Namespace, arranged: ArrangedPlates, plate: Plate
+) -> tuple[list[Mesh], list[Plate]]:
+    """Return the meshes and plates of arranged parts; with --plate, only this one.
+
+    Raises:
+        UsageError: there is no such plate.
+    """
+    meshes, count = list(arranged.meshes), len(arranged.meshes)
+    check_plate_number(arguments, count)
+    names = frozenset[str]()
+    if count > 1:
+        from printer_slicer.objects import list_overridable_names
+
+        names = frozenset(name for mesh in meshes for name in list_overridable_names(mesh))
+    common = replace(plate, placement=arranged.placement, count=count, parts=arranged.parts, names=names)
+    plates = [replace(common, number=number, tells=number == 1) for number in range(1, count + 1)]
+    if arguments.plate is None:
+        return meshes, plates
+    chosen = arguments.plate - 1
+    return [meshes[chosen]], [replace(plates[chosen], tells=True)]
+
+
+def _list_file_warnings(
+    arguments: argparse.Namespace, files: Mapping[Path, _LoadedFile], room: Float
+) -> Iterator[str]:
+    """Yield the warnings about files and their units; `room` (3,) is the size of the print volume, mm."""
+    for path, (model, mesh) in files.items():
+        yield from (f"{path.name}: {note}" for note in model.notes)
         unit_warning = model.size_warning(room) if arguments.scale is None and arguments.units is None else ""
         # A part that does not fit the bed is rejected when it is placed, with the same advice.
-        warnings += [unit_warning] if unit_warning and (mesh.size <= room).all() else []
-        models.append(_collect_model_facts(model))
-        meshes.append(mesh)
-    placement = _make_placement(arguments, {(one["unit"], one["format"] == "step") for one in models})
-    warnings += _list_floating_part_warnings(arguments.models, meshes, placement)
-    if not arguments.fuse:
-        _reject_overlapping_files(arguments.models, meshes)
-        _reject_overlapping_objects(models, meshes)
-    warn(arguments, warnings)
-    mesh = join(meshes).with_volumes(_load_volumes(arguments, report))
-    mesh = copy_in_grid(mesh, arguments.copies, printer)
-    return mesh, Plate(placement, tuple(warnings), tuple(models))
+        if unit_warning and (mesh.size <= room).all():
+            yield unit_warning
 
 
-def _load_transformed(arguments: argparse.Namespace, path: Path, report: StageReport) -> tuple[Model, Mesh]:
+def _load_transformed(arguments: argparse.Namespace, path: Path, report: StageReport) -> _LoadedFile:
     """Read a file; return the model, and its mesh scaled and rotated."""
     model = load_model(path, units=arguments.units, progress=_make_progress_callback(report, path))
     scale = arguments.scale[:3] if arguments.scale else 1.0
-    return model, transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+    mesh = transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+    return _LoadedFile(model, mesh)
 
 
 def _load_volumes(arguments: argparse.Namespace, report: StageReport) -> Volumes | None:
     """Read the support enforcers, blockers and modifiers of a command line."""
     enforcers, blockers, modifiers = (
-        [replace(_load_transformed(arguments, path, report)[1], volumes=None, objects=()) for path in paths]
+        [replace(_load_transformed(arguments, path, report).mesh, volumes=None, objects=()) for path in paths]
         for paths in (arguments.support_enforcer, arguments.support_blocker, arguments.modifier)
     )
     steering = [*(Volumes(enforce=mesh) for mesh in enforcers), *(Volumes(block=mesh) for mesh in blockers)]
     return Volumes.joined([*steering, Volumes(modifiers=tuple(modifiers))])
 
 
-def _make_placement(arguments: argparse.Namespace, units: set[tuple[str, bool]]) -> Placement:
-    """Return the placement of the plate on the bed.
-
-    Args:
-        arguments: the command line.
-        units: (unit, whether the file states it) of the files.
-    """
+def _make_placement(arguments: argparse.Namespace, models: Iterable[Model]) -> Placement:
+    """Return the placement of parts that are not arranged."""
+    units = {(one.unit, one.kind == "step") for one in models}  # STEP files state their unit
     unit, certain = units.pop() if len(units) == 1 and arguments.scale is None else ("", False)
     return Placement(
         arguments.center,
@@ -140,7 +254,7 @@ def _make_placement(arguments: argparse.Namespace, units: set[tuple[str, bool]])
 
 
 def load_repaired_plate(
-    arguments: argparse.Namespace, printer: Printer, report: StageReport
+    arguments: argparse.Namespace, profile: Profile, report: StageReport
 ) -> tuple[Mesh, Plate, Repairs]:
     """Read the models as one mesh and repair it; return the mesh, the plate and the repairs.
 
@@ -148,7 +262,7 @@ def load_repaired_plate(
         PrinterSlicerError: the mesh cannot be read or repaired, or needs repair in spite of --strict.
     """
     report("loading")
-    mesh, plate = load_plate(arguments, printer, report)
+    mesh, plate = load_plate(arguments, profile, report)
     report("repairing")
     repaired, repairs = repair(mesh)
     if arguments.strict:
@@ -182,53 +296,42 @@ def _collect_model_facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _list_floating_part_warnings(
-    paths: Sequence[Path], meshes: Sequence[Mesh], placement: Placement
-) -> list[str]:
+def _list_floating_part_warnings(files: Mapping[Path, _LoadedFile], placement: Placement) -> list[str]:
     """Return a warning for each file whose part does not touch the bed."""
-    bottoms = [float(mesh.bounds[0, 2]) for mesh in meshes]
-    bed = min(bottoms) if placement.drop else 0.0
+    bottoms = {path: float(one.mesh.bounds[0, 2]) for path, one in files.items()}
+    bed = min(bottoms.values()) if placement.drop else 0.0
     return [
         f"{path.name}: the part starts {bottom - bed:.4g} mm above the bed, because of its position in the file"
-        for path, bottom in zip(paths, bottoms, strict=True)
+        for path, bottom in bottoms.items()
         if bottom - bed > _SMALLEST_GAP
     ]
 
 
-def _reject_overlapping_files(paths: Sequence[Path], meshes: Sequence[Mesh]) -> None:
-    """Reject parts of different files that overlap; objects of one file may overlap.
-
-    Raises:
-        PartError: parts overlap; the message names the files and the size of the overlap.
-    """
+def _describe_overlapping_files(paths: Sequence[Path], meshes: Sequence[Mesh]) -> str:
+    """Describe which parts of different files overlap, and by how much; empty if none do."""
     if len(meshes) < 2:
-        return
+        return ""
     from printer_slicer.overlaps import find_overlaps
 
     names = [path.name for path in dict.fromkeys(paths)]
     called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    if overlapping := _describe_overlaps(find_overlaps(meshes), called):
-        raise PartError(
-            f"{overlapping}, at the positions in their files",
-            remedy="Slice each file alone with -o FOLDER/, move one part in its file, or print them as one part with "
-            "--fuse",
-        )
+    return _describe_overlaps(find_overlaps(meshes), called)
 
 
-def _reject_overlapping_objects(models: Sequence[dict[str, Any]], meshes: Sequence[Mesh]) -> None:
+def _reject_overlapping_objects(files: Mapping[Path, _LoadedFile]) -> None:
     """Reject objects of one 3MF file that occupy the same space; the bodies of one object may overlap.
 
     Raises:
         PartError: objects overlap; the message names them and the size of the overlap.
     """
-    for model, mesh in zip(models, meshes, strict=True):
-        if model["format"] != "3mf" or len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
+    for path, (model, mesh) in files.items():
+        if model.kind != "3mf" or len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
             continue
         from printer_slicer.overlaps import find_collisions
 
         if overlapping := _describe_overlaps(find_collisions(mesh), [item.name for item in mesh.objects]):
             raise PartError(
-                f"{model['file']}: {overlapping}",
+                f"{path}: {overlapping}",
                 remedy="Move them apart in the program that made the file, or print them as one part with --fuse",
             )
 
@@ -327,36 +430,50 @@ def apply_projects(
     Args:
         arguments: the command line.
         profile: the profile from the command line.
-        mesh: the mesh of all models, with the objects to print.
-        plate: the plate of the models.
+        mesh: the mesh of the plate, with the objects to print.
+        plate: the plate.
 
     Raises:
         UsageError: a project is damaged, or its settings contradict the profile.
     """
-    projects = _read_projects(arguments, profile, mesh)
+    projects = _read_projects(arguments, profile, mesh, plate.names)
     changes, warnings = _collect_project_changes(arguments, profile, projects) if projects else ({}, [])
-    if not arguments.quiet:
+    if plate.tells and not arguments.quiet:
         for path, project in projects.items():
             for text in project.used:
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
     profile = profile_with(profile, changes) if changes else profile
+    profile = _drop_foreign_overrides(profile, mesh, plate) if plate.count > 1 else profile
     warnings += _list_volume_warnings(mesh, profile)
     warnings += _list_spiral_warnings(profile)
-    warn(arguments, warnings)
+    warn(arguments, warnings if plate.tells else [])
     return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
 
-def _read_projects(arguments: argparse.Namespace, profile: Profile, mesh: Mesh) -> dict[Path, Project]:
-    """Return 3MF file -> project, for all 3MF files that contain settings of a slicer."""
+def _drop_foreign_overrides(profile: Profile, mesh: Mesh, plate: Plate) -> Profile:
+    """Return the profile without overrides for objects that are only on other plates."""
+    from printer_slicer.objects import list_overridable_names
+
+    foreign = plate.names - set(list_overridable_names(mesh))
+    kept = [
+        one for one in settings_as_dict(profile)["quality"]["overrides"] if one.get("object") not in foreign
+    ]
+    return profile_with(profile, {"quality.overrides": kept})
+
+
+def _read_projects(
+    arguments: argparse.Namespace, profile: Profile, mesh: Mesh, names: frozenset[str]
+) -> dict[Path, Project]:
+    """Return 3MF file -> project, for all 3MF files that contain settings of a slicer; `names` are of all plates."""
     found: dict[Path, Project] = {}
-    for path in arguments.models:
+    for path in dict.fromkeys(arguments.models):
         if not _is_3mf_file(path):
             continue
         from printer_slicer.importing.projects import read_project
 
         volumes = mesh.all_volumes
         modifiers = {one.name for one in volumes.modifiers} if volumes else set()
-        project = read_project(path, profile, modifiers | {item.name for item in mesh.objects})
+        project = read_project(path, profile, modifiers | {item.name for item in mesh.objects} | names)
         if project.overrides or project.layer_heights or project.unused or project.has_settings:
             found[path] = project
     return found

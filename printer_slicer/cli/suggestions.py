@@ -208,7 +208,7 @@ def suggest_option(flag: str, known: Collection[str], arguments: Iterable[str] =
 
 
 def _filter_by_first_letter(flag: str, known: Iterable[str]) -> list[str]:
-    """Return the options with the same first letter, which is rarely mistyped: --arrange does not mean --range."""
+    """Return the options with the same first letter, which is rarely mistyped."""
     first = flag.lstrip("-")[:1]
     return [one for one in known if one.lstrip("-")[:1] == first]
 

@@ -143,7 +143,7 @@ def test_a_model_over_the_bed_is_told(tmp_path: Path) -> None:
     assert typed("slice", low, high, "-q", *QUICK).err == ""
 
 
-def test_parts_that_overlap_are_refused_unless_they_shall_fuse(tmp_path: Path) -> None:
+def test_parts_that_overlap_are_arranged_unless_they_shall_fuse(tmp_path: Path) -> None:
     one = part(tmp_path, "one.stl", (0, 0, 0), (20, 20, 6))
     inside = part(tmp_path, "two.stl", (2, 2, 0), (10, 10, 6))
     beside = part(tmp_path, "three.stl", (18, 5, 0), (40, 20, 6))
@@ -151,12 +151,13 @@ def test_parts_that_overlap_are_refused_unless_they_shall_fuse(tmp_path: Path) -
 
     for command in ("slice", "plan", "dry-run"):
         outcome = typed(command, one, inside, beside, *QUICK)
-        assert outcome.code == 3
+        assert outcome.code == 0
         assert "two.stl overlaps one.stl by 8 x 8 mm; three.stl overlaps one.stl by 2 x 15 mm" in outcome.err
-        assert "--fuse" in outcome.err
-    assert "one.stl overlaps one.stl by 20 x 20 mm" in typed("slice", one, one, *QUICK).err
-    assert "and more" in typed("slice", *[one] * 9, *QUICK).err
-    assert typed("slice", one, inside, "--fuse", *QUICK).code == 0
+        assert "arranged 3 parts on 1 plate" in outcome.err
+        kept = typed(command, one, inside, beside, "--as-placed", *QUICK)
+        assert kept.code == 3
+        assert "--fuse" in kept.err
+    assert typed("slice", one, inside, "--fuse", *QUICK).err == ""
     assert typed("slice", one, touching, *QUICK).code == 0
 
 

@@ -35,7 +35,7 @@ def plate(*words: object) -> ps.Mesh:
     """The mesh that `slice` slices."""
     words = tuple(attach_values(list(map(str, ("slice", *words)))))
     arguments = build_parser(words).parse_args(words)
-    return load_plate(arguments, plain().printer, quiet)[0]  # type: ignore[arg-type]
+    return load_plate(arguments, plain(), quiet)[0]  # type: ignore[arg-type]
 
 
 def test_volumes_are_placed_with_the_models(folder: Path) -> None:

@@ -14,8 +14,9 @@ from printer_slicer.errors import MeshError
 from printer_slicer.healing import repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Mesh, Volumes
-from printer_slicer.placing import copy_in_grid, join, place, transform
-from printer_slicer.profile import Printer
+from printer_slicer.placing import join, place, transform
+from printer_slicer.plates import arrange
+from printer_slicer.profile import Printer, load_profile
 
 MOVED = (1, 0, 0, 0, 1, 0, 0, 0, 1, 10, 20, 30)
 MIRRORED = (-1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0)
@@ -229,7 +230,7 @@ def test_volumes_go_where_their_mesh_goes() -> None:
         mesh.moved((1, 2, 3)),
         transform(mesh, scale=(1, 2, 3), rotate=(30, 0, 90)),
         place(mesh.moved((0.1, 0.2, 0.3)), printer),
-        copy_in_grid(mesh, 3, printer),
+        arrange([mesh] * 3, load_profile("marlin_220"))[0],
         join([mesh, mesh.moved((5, 0, 0))]),
     ):
         for triangles in _all_triangles(changed):

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.coverage.model_check import Check
     from printer_slicer.inspection.dry_run.underruns import Underrun, UnderrunReport
     from printer_slicer.jobs import Job
+    from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -157,7 +158,6 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.measurement import CoverageRules
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
-    from printer_slicer.profile import load_profile
 
     reject_options_without_model(arguments, _list_given_comparison_options(arguments))
     check_outputs(arguments)
@@ -168,7 +168,7 @@ def run(arguments: argparse.Namespace) -> int:
     limits = _parse_limits(arguments.limit)
     with show_stages(arguments) as report:
         text = read_text(arguments.gcode)
-        mesh, plate, _ = load_repaired_plate(arguments, load_profile().printer, report)
+        mesh, plate, _ = load_repaired_plate(arguments, file_check.profile, report)
         placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
         rules = CoverageRules(shell=arguments.shell, surface_depth=arguments.skin)
         asked = CheckOptions(rules, limits, arguments.filament, placement)
@@ -197,11 +197,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class _FileCheck(Struct, frozen=True):
-    """The result of checking the commands of a file: facts for JSON, lines of text, and errors."""
+    """The result of checking the commands of a file: facts for JSON, lines of text, errors, and the profile used."""
 
     facts: dict[str, Any]
     lines: list[str]
     wrong: list[str]
+    profile: Profile
 
 
 def _check_file(arguments: argparse.Namespace) -> _FileCheck:
@@ -251,7 +252,7 @@ def _check_file(arguments: argparse.Namespace) -> _FileCheck:
         facts["link"] = _collect_link_facts(report)
         lines += _format_link(arguments, report)
         wrong += _find_link_errors(report)
-    return _FileCheck(facts | collect_profile_facts(arguments), lines, wrong)
+    return _FileCheck(facts | collect_profile_facts(arguments), lines, wrong, profile)
 
 
 def _add_line_numbers(job: Job, report: UnderrunReport) -> UnderrunReport:

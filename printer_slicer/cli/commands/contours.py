@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     profile = load_selected_profile(arguments)
     _check_containment_options(arguments, profile)
     with show_stages(arguments) as report:
-        mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
+        mesh, plate, repairs = load_repaired_plate(arguments, profile, report)
         for path in arguments.models:
             reject_overwriting_input(target.path, path)
         report("placing")

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.coverage.layer_extrusions import FileLayers, LayerExtrusions
     from printer_slicer.inspection.coverage.matching import Match
     from printer_slicer.inspection.coverage.stack import Stack
+    from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -201,14 +202,24 @@ def _match_model(
     """Return the layers of the file; with a model, also its sections in these layers and how well they match."""
     from printer_slicer.cli.models import load_repaired_plate
     from printer_slicer.inspection.coverage.model_check import place_sections
-    from printer_slicer.profile import load_profile
 
     if not arguments.models:
         return stack, None, None
-    mesh, plate, _ = load_repaired_plate(arguments, load_profile().printer, report)
+    mesh, plate, _ = load_repaired_plate(arguments, _load_file_profile(arguments), report)
     is_placed = arguments.center or arguments.as_placed or not arguments.drop
     report("matching")
     return place_sections(mesh, deposit, stack, plate.placement if is_placed else None)
+
+
+def _load_file_profile(arguments: argparse.Namespace) -> Profile:
+    """Return the profile for the machine of the G-code file, or the default profile if its settings are invalid."""
+    from printer_slicer.cli.settings import load_selected_profile
+    from printer_slicer.profile import load_profile
+
+    try:
+        return load_selected_profile(arguments, slices=False, gcode=arguments.gcode, tell=False)
+    except PrinterSlicerError:
+        return load_profile()
 
 
 def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: StageReport) -> tuple[int, str]:
@@ -248,7 +259,7 @@ def _collect_findings(arguments: argparse.Namespace) -> list[Diagnostic]:
         profile = load_selected_profile(arguments, slices=False, gcode=arguments.gcode, tell=False)
         found += lint_file(arguments.gcode, profile).findings
         if arguments.models:
-            mesh, plate, _ = load_repaired_plate(arguments, profile.printer, lambda _: None)
+            mesh, plate, _ = load_repaired_plate(arguments, profile, lambda _: None)
             told = arguments.center or arguments.as_placed or not arguments.drop
             placement = plate.placement if told else None
             options = CheckOptions(filament_diameter=arguments.filament, placement=placement)

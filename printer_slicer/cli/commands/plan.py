@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs(arguments)
     profile = load_selected_profile(arguments)
     with show_stages(arguments) as report:
-        mesh, plate, repairs = load_repaired_plate(arguments, profile.printer, report)
+        mesh, plate, repairs = load_repaired_plate(arguments, profile, report)
         profile, plate = apply_projects(arguments, profile, mesh, plate)
         table = _collect_mesh_facts(mesh)
         part = place(mesh, profile.printer, plate.placement)

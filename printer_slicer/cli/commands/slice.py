@@ -34,8 +34,9 @@ from printer_slicer.cli.settings import collect_profile_facts, load_selected_pro
 from printer_slicer.errors import PartError, UsageError
 
 if TYPE_CHECKING:
+    from printer_slicer.cli.models import Plate
     from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion
-    from printer_slicer.model import LayerPlan, Program
+    from printer_slicer.model import LayerPlan, Mesh, Program
     from printer_slicer.profile import Profile
     from printer_slicer.stages import Stages
 
@@ -47,6 +48,7 @@ EXAMPLES: Final = """\
   printer-slicer slice part.stl --quality adaptive --picture layer.svg --layer 12
   printer-slicer slice part.stl --units inch --rotate -90,0,0 --scale 50%
   printer-slicer slice lid.stl box.3mf -o plate.gcode     all on one plate, positions from the files
+  printer-slicer slice box.3mf 'lid.stl*12' -o plate.gcode   arranged, on as many plates as needed
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
 _LARGEST_KEPT: Final = 2 << 20  # bytes
 _UNSUPPORTED_REMEDY = "rotate the part, print supports with --supports, or accept it with --allow unsupported"
@@ -135,17 +137,63 @@ def run(arguments: Namespace) -> int:
         )
     arguments.made = _find_timestamp(arguments)
     if arguments.output_dir is None:
-        _slice_plate(arguments, profile, arguments.output)
+        _slice_models(arguments, profile, arguments.output)
         return 0
     for model, output in _pair_outputs(arguments):
-        _slice_plate(Namespace(**{**vars(arguments), "models": [model]}), profile, output)
+        copies = [model] * arguments.models.count(model)
+        _slice_models(Namespace(**{**vars(arguments), "models": copies}), profile, output)
     return 0
 
 
-def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) -> None:
-    """Slice all models together, write the G-code to `output` (None: beside the first model), and print a summary."""
+def _slice_models(arguments: Namespace, profile: Profile, output: Path | None) -> None:
+    """Slice all models together, plate by plate.
+
+    Args:
+        arguments: the command line.
+        profile: printer, material and quality.
+        output: G-code file, or None: beside the first model; the files of several plates get numbers.
+    """
+    from printer_slicer.cli.models import load_plates
+
+    with show_stages(arguments) as report:
+        report("loading")
+        meshes, plates = load_plates(arguments, profile, report)
+    _reject_plates_on_stdout(arguments, output, plates)
+    output = output or _choose_default_output(arguments.models[0])
+    for plate in plates:
+        suffix = f"-{plate.number}" if len(plates) > 1 else ""
+        pictured = arguments.picture and _append_to_stem(arguments.picture, suffix)
+        own = Namespace(**{**vars(arguments), "picture": pictured})
+        _slice_plate(own, profile, [meshes.pop(0)], plate, _append_to_stem(output, suffix))
+
+
+def _append_to_stem(path: Path, suffix: str) -> Path:
+    """Return a path with text between its name and its extension, such as the number of a plate."""
+    return path.with_name(f"{path.stem}{suffix}{path.suffix}") if suffix else path
+
+
+def _reject_plates_on_stdout(arguments: Namespace, output: Path | None, plates: Sequence[Plate]) -> None:
+    """Reject several plates if the G-code or the picture goes to stdout.
+
+    Raises:
+        UsageError: this is so.
+    """
+    from printer_slicer.cli.arrange_models import describe_other_plates
+
+    for flag, path in (("-o", output), ("--picture", arguments.picture)):
+        if len(plates) > 1 and str(path) == "-":
+            raise UsageError(
+                f"{flag} -: the parts need {len(plates)} plates; {describe_other_plates(plates[0].parts)}",
+                remedy="Choose a plate with --plate N, or name a file",
+            )
+
+
+def _slice_plate(
+    arguments: Namespace, profile: Profile, meshes: list[Mesh], plate: Plate, output: Path
+) -> None:
+    """Slice the only mesh of a list, which is removed from it; write the G-code to a file and print a summary."""
     from printer_slicer.cli.facts import collect_slicing_facts
-    from printer_slicer.cli.models import apply_projects, load_plate, release_memory_between_stages
+    from printer_slicer.cli.models import apply_projects, release_memory_between_stages
     from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
@@ -153,15 +201,10 @@ def _slice_plate(arguments: Namespace, profile: Profile, output: Path | None) ->
 
     with show_stages(arguments) as show:
         report = release_memory_between_stages(show)
-        report("loading")
-        mesh, plate = load_plate(arguments, profile.printer, report)
-        profile, plate = apply_projects(arguments, profile, mesh, plate)
-        output = output or _choose_default_output(arguments.models[0])
-        for path in arguments.models:
+        profile, plate = apply_projects(arguments, profile, meshes[0], plate)
+        for path in dict.fromkeys(arguments.models):
             reject_overwriting_input(output, path)
         _reject_model_suffix(output)
-        meshes = [mesh]
-        del mesh  # not needed after placing, and may be large
         strict = {name: getattr(arguments, name) for name in ("strict", "strict_supports")}
         stage = slice_for_output(meshes, profile, placement=plate.placement, report=report, **strict)
         program = stage.program
@@ -216,7 +259,7 @@ def _pair_outputs(arguments: Namespace) -> list[tuple[Path, Path]]:
 
     folder: Path = arguments.output_dir
     outputs: dict[Path, Path] = {}
-    for model in arguments.models:
+    for model in dict.fromkeys(arguments.models):
         output = folder / f"{model.stem}.gcode"
         if output in outputs:
             raise UsageError(
