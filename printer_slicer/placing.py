@@ -15,6 +15,7 @@ import numpy as np
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
+from printer_slicer.geometry import intersection
 from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.mesh_io import UNITS, unit_advice
 from printer_slicer.mesh_io.soundness import LARGEST, facet_blocks
@@ -75,9 +76,34 @@ def place(mesh: Mesh, printer: Printer, placement: Placement = IN_THE_MIDDLE) ->
         by[2] = -low[2]
     _check_position(mesh.name, low + by, high + by, printer, placement)
     move = partial(_move_rounded, by=by)
+    triangles = move(mesh.triangles)
+    _check_excluded_areas(mesh.name, triangles, printer)
     volumes = mesh.volumes and mesh.volumes.map_triangles(move)
     items = tuple(replace(item.moved(by), volumes=item.map_volumes(move).volumes) for item in mesh.objects)
-    return Mesh(move(mesh.triangles), mesh.name, items, volumes)
+    return Mesh(triangles, mesh.name, items, volumes)
+
+
+def _check_excluded_areas(name: str, triangles: Float, printer: Printer) -> None:
+    """Check that a placed part (F, 3, 3) is outside the excluded areas of the bed.
+
+    Raises:
+        PartError: it is not; the message names the place.
+    """
+    if not printer.excluded_areas:
+        return
+    from printer_slicer.excluded_areas import read_excluded_areas  # noqa: PLC0415 - few beds have excluded areas
+    from printer_slicer.surface.top_view import project_from_above  # noqa: PLC0415 - few beds have excluded areas
+
+    common = intersection(project_from_above(Mesh(triangles)), read_excluded_areas(printer))
+    if common.n_rings:
+        low, high = (corner.reshape(-1, 2) for corner in common.boxes())
+        size = high.max(axis=0) - low.min(axis=0)
+        x, y = (low.min(axis=0) + size / 2).tolist()
+        raise PartError(
+            f"{name}: the part stands or hangs in an excluded area of the bed of {printer.name!r}, near x {x:.4g} y "
+            f"{y:.4g}, over {size[0]:.3g} x {size[1]:.3g} mm",
+            remedy="Let `arrange` find a place, set the position with `center`, or change printer.excluded_areas",
+        )
 
 
 def _move_rounded(triangles: Float, by: Float) -> Float:
@@ -94,7 +120,8 @@ def _move_rounded(triangles: Float, by: Float) -> Float:
 
 def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
     """Check that the part is not larger than the print volume."""
-    room = np.array([printer.bed_x, printer.bed_y, printer.bed_z])
+    low, high = printer.free_corners
+    room = np.array([*np.subtract(high, low), printer.bed_z])
     if not (size > room + _SLACK).any():
         return
     fits = _multiply_factors(placement.scale or "1", float((room / np.maximum(size, _SLACK)).min()))
@@ -132,11 +159,12 @@ def _check_position(name: str, low: Float, high: Float, printer: Printer, placem
         if placement.as_placed
         else ("`center`", "choose another position")
     )
-    corners = np.array(printer.corners, dtype=np.float64)
+    corners = np.array(printer.free_corners, dtype=np.float64)
+    bed = "the bed" if not printer.bed_margin else "the bed without its margin"
     for axis, letter in enumerate("xy"):
         if low[axis] < corners[0, axis] - _SLACK or high[axis] > corners[1, axis] + _SLACK:
             raise PartError(
-                f"{name}: the part extends from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but the bed of "
+                f"{name}: the part extends from {letter} {low[axis]:.5g} to {high[axis]:.5g} mm, but {bed} of "
                 f"{printer.name!r} goes from {corners[0, axis]:g} to {corners[1, axis]:g} mm",
                 remedy=f"Omit {flag} to use the middle of the bed, or {instead}",
             )

@@ -10,6 +10,7 @@ import numpy as np
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.errors import PartError, UsageError
+from printer_slicer.excluded_areas import read_excluded_areas
 from printer_slicer.geometry import Areas, offset, simplify
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
@@ -70,10 +71,11 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     around = _compute_margin(profile)
     known = {id(mesh): mesh for mesh in meshes}
     outline_of = {key: _find_outline(mesh, around) for key, mesh in known.items()}
-    low, high = map(np.array, profile.printer.corners)
+    low, high = map(np.array, profile.printer.free_corners)
+    room = FreeArea(low, high, read_excluded_areas(profile.printer))
     around_bed = _name_surroundings(profile)
     names = [f"{mesh.name}: the part{around_bed and f' with its {around_bed}'}" for mesh in meshes]
-    outlines, room = [outline_of[id(mesh)] for mesh in meshes], FreeArea(low, high, Areas.empty(1))
+    outlines = [outline_of[id(mesh)] for mesh in meshes]
     remedy = "Choose a larger printer, or scale the part"
     remedy += f", or make its {around_bed} narrower" if around_bed else ""
     return arrange_outlines(outlines, names, room, gap, remedy=remedy)

@@ -116,3 +116,64 @@ def test_a_gap_that_is_no_distance_is_rejected(gap: float) -> None:
 def test_no_parts_are_rejected() -> None:
     with pytest.raises(ps.PrinterSlicerError, match="no part to arrange"):
         ps.arrange([], PROFILE)
+
+
+CLIPS = {"printer.excluded_areas": ["0x0 220x30", "190x30 220x30 220x60"], "printer.bed_margin": 5}
+
+
+def test_parts_stay_off_the_margin_and_the_excluded_areas() -> None:
+    clipped = ps.profile_with(PROFILE, CLIPS)
+    excluded = shapely.union_all([shapely.Polygon(one) for one in clipped.printer.excluded_polygons])
+    (plate,) = ps.arrange([named("tile", (60, 60, 2))] * 6, clipped)
+    for one in split(plate):
+        assert shapely.box(5, 5, 215, 215).covers(seen(one))
+        assert not seen(one).buffer(-1e-6).intersects(excluded)
+    assert ps.slice_stages(plate, clipped, placement=ps.Placement(as_placed=True)).program.n_moves
+    with pytest.raises(
+        ps.PrinterSlicerError, match=r"sheet: the part is about \d+ mm too large to fit beside"
+    ):
+        ps.arrange([named("sheet", (200, 200, 1))], clipped)
+    with pytest.raises(ps.PrinterSlicerError, match=r"sheet: the part is 5 mm in x and 5 mm in y too large"):
+        ps.arrange([named("sheet", (215, 215, 1))], clipped)
+
+
+def test_a_single_part_moves_to_the_middle_as_far_as_excluded_areas_allow() -> None:
+    (plate,) = ps.arrange([named("tile", (60, 60, 2))], ps.profile_with(PROFILE, CLIPS))
+    assert (plate.bounds[0] + plate.bounds[1])[:2] / 2 == pytest.approx((110, 110))
+
+
+def test_a_placed_part_in_an_excluded_area_or_the_margin_is_rejected() -> None:
+    clipped = ps.profile_with(PROFILE, CLIPS)
+    tile = named("tile", (60, 60, 2))
+    for center, message in (((110, 40), "in an excluded area .* near x 110 y 20, over 60 x 20 mm"),):
+        with pytest.raises(ps.PrinterSlicerError, match=message):
+            ps.place(tile, clipped.printer, ps.Placement(center=center))
+    with pytest.raises(ps.PrinterSlicerError, match="from x 3 to 63 mm, but the bed without its margin"):
+        ps.place(tile, clipped.printer, ps.Placement(center=(33, 110)))
+    assert ps.place(tile, clipped.printer, ps.Placement(center=(110, 61))).n_facets
+
+
+def test_skirt_and_brim_stay_out_of_excluded_areas() -> None:
+    tile, at = named("tile", (60, 60, 2)), ps.Placement(center=(110, 62))
+    plain = {"skirt_loops": 1, "skirt_distance": 5}
+    free, clipped = (
+        ps.slice_stages(tile, ps.profile_with(PROFILE, plain | more), placement=at) for more in ({}, CLIPS)
+    )
+    assert (free.toolpaths.role == ps.Role.SKIRT).any()
+    assert not (clipped.toolpaths.role == ps.Role.SKIRT).any()
+    with pytest.raises(ps.PrinterSlicerError, match="enters an excluded area"):
+        ps.slice_stages(tile, ps.profile_with(PROFILE, {"brim_width": 5} | CLIPS), placement=at)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("excluded_areas", "0x0", "excluded_areas"),
+        ("excluded_areas", "0x0 0x9", "has no area"),
+        ("excluded_areas", "a b", "excluded_areas"),
+        ("bed_margin", 110, "leave no room"),
+    ],
+)
+def test_areas_and_margins_that_make_no_sense_are_rejected(key: str, value: object, message: str) -> None:
+    with pytest.raises(ps.PrinterSlicerError, match=message):
+        ps.load_profile("marlin_220", changes={f"printer.{key}": value})

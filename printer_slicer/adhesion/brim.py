@@ -71,9 +71,10 @@ def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:
     ]
     lines = [line for some, _, _ in cuts for line in some]
     zone, closed = (np.concatenate([cut[i] for cut in cuts]) for i in (1, 2))
-    if not is_on_bed(np.concatenate([np.zeros((0, 2)), *lines]), profile, width):
+    if not is_on_bed(lines, profile, width):
+        where = " or enters an excluded area" if profile.printer.excluded_areas else ""
         raise PartError(
-            f"a brim of {quality.brim_width:g} mm around the part leaves the bed of {profile.printer.name!r}",
+            f"a brim of {quality.brim_width:g} mm around the part leaves the bed of {profile.printer.name!r}{where}",
             remedy="Lower quality.brim_width",
         )
     around = union(offset(zones.bodies, reach, join="round"), zones.holes)

@@ -38,8 +38,14 @@ def loop_paths(
     )
 
 
-def is_on_bed(xy: Float, profile: Profile, width: float) -> bool:
-    """Return whether extrusions through points (N, 2) lie on the bed with their whole width."""
+def is_on_bed(lines: Sequence[Float], profile: Profile, width: float) -> bool:
+    """Return whether closed extrusions (n, 2) lie on the bed with their whole width, and enter no excluded area."""
     low, high = profile.printer.corners
+    if profile.printer.excluded_areas:
+        from printer_slicer.excluded_areas import enters_excluded_areas  # noqa: PLC0415 - few beds have such areas
+
+        if enters_excluded_areas(lines, width, profile.printer):
+            return False
+    xy = np.concatenate([np.zeros((0, 2)), *lines]) if lines else np.zeros((0, 2))
     inside = (xy >= np.add(low, width / 2)) & (xy <= np.subtract(high, width / 2))
     return bool(inside.all())

@@ -68,9 +68,10 @@ def place_on_raft(sections: Sections, profile: Profile, beside: Areas | None = N
             first, beside.of_layers(np.arange(1)).on_layers(np.arange(beside.n_layers), first.n_layers)
         )
     area = _find_raft_area(first, quality.raft_margin)
-    if not is_on_bed(area.xy, profile, 0.0):
+    if not is_on_bed(list(map(area.ring, range(area.n_rings))), profile, 0.0):
+        where = " or enters an excluded area" if printer.excluded_areas else ""
         raise PartError(
-            f"a raft {quality.raft_margin:g} mm wider than the part leaves the bed of {printer.name!r}",
+            f"a raft {quality.raft_margin:g} mm wider than the part leaves the bed of {printer.name!r}{where}",
             remedy="Lower quality.raft_margin",
         )
     solid = _stack_below(area, sections.solid, len(heights))

@@ -47,7 +47,7 @@ def skirt_paths(sections: Sections, brim: Toolpaths, profile: Profile) -> Toolpa
     for i in range(wanted):
         reach = coarse + quality.skirt_distance + wide / 2 + i * bead.spacing(wide, heights)
         loop = offset(stack, reach, join="round")
-        if not is_on_bed(loop.xy, profile, float(wide.max())):
+        if not is_on_bed(list(map(loop.ring, range(loop.n_rings))), profile, float(wide.max())):
             break
         loops.append(loop)
     lines, layer = _list_loops(loops, variant_of_layer.ravel(), quality.skirt_loops)

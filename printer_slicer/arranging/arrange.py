@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -16,9 +17,9 @@ from printer_slicer.arranging.footprints import (
 )
 from printer_slicer.arranging.packing import Packing, PlateCells, pack
 from printer_slicer.arranging.spacing import find_smallest_distance
-from printer_slicer.arrays import Int
+from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PartError
-from printer_slicer.geometry import Areas, offset
+from printer_slicer.geometry import Areas, intersection, offset
 from printer_slicer.geometry.raster import CellGrid
 from printer_slicer.values import replace
 
@@ -31,6 +32,7 @@ _CELLS: Final = 250  # along the longer side of a plate
 _FINEST: Final = 0.5  # mm
 _RANDOM_ORDERS: Final = 5
 _FINAL_ORDERS: Final = 2  # that are tried on the fine raster
+_SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way to the middle of a plate
 _AREA_NOISE: Final = 0.15  # standard deviation of random changes of areas, relative to the largest area
 _SEED: Final = 1
 
@@ -47,7 +49,7 @@ def arrange_outlines(
     """Find places for parts on few plates.
 
     Parts may stand in holes of others. Several orders are tried, the largest parts first, and the same parts always get
-    the same places. Parts on a plate without excluded areas stand in its middle.
+    the same places. The parts of a plate stand in its middle, as far as excluded areas allow.
 
     Args:
         outlines: of each part as seen from above, one layer each, mm; copies may be the same object.
@@ -151,17 +153,27 @@ def _read_places(
 
 
 def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: FreeArea) -> Arrangement:
-    """Move the parts of each plate together to its middle, if nothing on it is excluded."""
-    if room.excluded.n_rings or not len(outlines):
-        return arrangement
-    boxes = [_place_outline(arrangement, outlines, part).boxes() for part in range(len(outlines))]
-    low, high = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
+    """Move the parts of each plate together toward its middle, as far as excluded areas allow."""
+    placed = [_place_outline(arrangement, outlines, part) for part in range(len(outlines))]
     shift = arrangement.shift.copy()
     for plate in range(arrangement.n_plates):
-        here = arrangement.plate == plate
-        middle = (low[here].min(axis=0) + high[here].max(axis=0)) / 2
-        shift[here] += (room.low + room.high) / 2 - middle
+        here = np.flatnonzero(arrangement.plate == plate)
+        boxes = [placed[part].boxes() for part in here.tolist()]
+        low, high = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
+        wanted = (room.low + room.high) / 2 - (low.min(axis=0) + high.max(axis=0)) / 2
+        shift[here] += _shorten(wanted, [placed[part] for part in here.tolist()], room.excluded)
     return replace(arrangement, shift=shift)
+
+
+def _shorten(wanted: Float, placed: Sequence[Areas], excluded: Areas) -> Float:
+    """Return the longest of a few shares of a shift (2,) that moves no part into an excluded area, mm."""
+    shares = sorted(product(_SHARES, _SHARES), key=sum, reverse=True)
+    for share in shares if excluded.n_rings else shares[:1]:
+        by = wanted * share
+        moved = (replace(one, xy=one.xy + by) for one in placed)
+        if not (excluded.n_rings and any(intersection(one, excluded).n_rings for one in moved)):
+            return np.asarray(by)
+    return np.zeros(2)
 
 
 def _place_outline(arrangement: Arrangement, outlines: Sequence[Areas], part: int) -> Areas:

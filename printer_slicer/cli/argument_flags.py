@@ -13,6 +13,7 @@ from typing import Final
 __all__ = ["replace_arguments_by_options"]
 
 _FLAGS: Final[Mapping[str, str]] = {
+    "arrange": "--arrange",
     "as_placed": "--as-placed",
     "center": "--center",
     "drop=False": "--no-drop",

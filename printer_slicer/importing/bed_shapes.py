@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer.importing.conversion import Conversion
 
-__all__ = ["BedRectangle", "find_rectangle"]
+__all__ = ["BedRectangle", "find_excluded_areas", "find_rectangle"]
 
 _NUMBER: Final = r"-?\d+(?:\.\d*)?(?:e-?\d+)?"
 _POINT: Final = re.compile(rf"\s*({_NUMBER})\s*x\s*({_NUMBER})\s*", re.IGNORECASE)
@@ -30,16 +30,7 @@ def find_rectangle(conversion: Conversion) -> BedRectangle:
     Raises:
         ProfileError: the outline is invalid or empty.
     """
-    points = []
-    for word in conversion.preset.read_raw("bed_shape").split(","):
-        found = _POINT.fullmatch(word)
-        if found is None:
-            raise conversion.make_error(
-                "bed_shape",
-                f"{word.strip()[:30]!r} is not a corner of the bed",
-                "Write corners as 0x0,220x0,220x220,0x220",
-            )
-        points.append((float(found[1]), float(found[2])))
+    points = _read_points(conversion, "bed_shape", conversion.preset.read_raw("bed_shape"))
     xs, ys = [x for x, _ in points], [y for _, y in points]
     low, high = (min(xs), min(ys)), (max(xs), max(ys))
     size = (high[0] - low[0], high[1] - low[1])
@@ -74,3 +65,54 @@ def _is_rectangle(points: list[_Point], low: _Point, high: _Point) -> bool:
 def _shift_point(middle: _Point, distance: float) -> _Point:
     """Return a point moved by the same distance in x and y."""
     return round(middle[0] + distance, 3), round(middle[1] + distance, 3)
+
+
+def _read_points(conversion: Conversion, theirs: str, text: str) -> list[_Point]:
+    """Read the corners of an outline.
+
+    Raises:
+        ProfileError: a corner is invalid.
+    """
+    points = []
+    for word in text.split(","):
+        found = _POINT.fullmatch(word)
+        if found is None:
+            raise conversion.make_error(
+                theirs,
+                f"{word.strip()[:30]!r} is not a corner of the bed",
+                "Write corners as 0x0,220x0,220x220,0x220",
+            )
+        points.append((float(found[1]), float(found[2])))
+    return points
+
+
+def find_excluded_areas(conversion: Conversion) -> list[str]:
+    """Return the areas of the bed in which the source prints nothing, each as text for `printer.excluded_areas`.
+
+    OrcaSlicer and Bambu Studio write the corners of several rectangles as one list, four by four.
+
+    Raises:
+        ProfileError: a corner is invalid.
+    """
+    areas: list[list[_Point]] = []
+    for text in filter(str.strip, conversion.preset.read_raw("bed_exclude_area").split(";")):
+        points = _read_points(conversion, "bed_exclude_area", text)
+        fours = [points[at : at + 4] for at in range(0, len(points), 4)]
+        areas += fours if all(map(_is_box, fours)) else [points]
+    return [" ".join(f"{x:.10g}x{y:.10g}" for x, y in points) for points in areas if _has_area(points)]
+
+
+def _has_area(points: list[_Point]) -> bool:
+    """Return whether an outline has at least three corners and extends in x and y."""
+    xs, ys = zip(*points, strict=True)
+    return len(points) > 2 and min(max(xs) - min(xs), max(ys) - min(ys)) > 0
+
+
+def _is_box(points: list[_Point]) -> bool:
+    """Return whether an outline is a rectangle along the axes."""
+    xs, ys = zip(*points, strict=True)
+    return (
+        len(points) == 4
+        and _has_area(points)
+        and _is_rectangle(points, (min(xs), min(ys)), (max(xs), max(ys)))
+    )

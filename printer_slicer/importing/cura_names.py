@@ -176,6 +176,17 @@ def _escape(text: Any) -> str:
     return str(text).replace("\\", "\\\\").replace("\n", "\\n")
 
 
+def _format_areas(areas: Any, x: float, y: float) -> str:
+    """Format polygons as outlines that are separated by semicolons.
+
+    Cura measures them from the middle of the bed, which is at (x, y); its second axis points to the front.
+    """
+    return ";".join(
+        ",".join(f"{x + float(right):.10g}x{y - float(front):.10g}" for right, front in area)
+        for area in areas
+    )
+
+
 def _convert_machine(get: _GetValue, put: _PutSetting) -> None:
     """Convert the settings of the printer."""
     width, depth = float(get("machine_width")), float(get("machine_depth"))
@@ -186,6 +197,10 @@ def _convert_machine(get: _GetValue, put: _PutSetting) -> None:
     else:
         corners = [(left, front), (left + width, front), (left + width, front + depth), (left, front + depth)]
     put("bed_shape", "machine_width", ",".join(f"{x:.3f}x{y:.3f}" for x, y in corners))
+    areas = _get_value_or_default(get, "machine_disallowed_areas", [])
+    if isinstance(areas, list) and areas:
+        x, y = left + width / 2, front + depth / 2
+        put("bed_exclude_area", "machine_disallowed_areas", _format_areas(areas, x, y))
     flavour = str(get("machine_gcode_flavor"))
     put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
     put("start_gcode", "machine_start_gcode", _escape(get("machine_start_gcode")))

@@ -6,7 +6,7 @@ import re
 from typing import Final, NamedTuple
 
 from printer_slicer.firmware import FIRMWARES
-from printer_slicer.importing.bed_shapes import BedRectangle, find_rectangle
+from printer_slicer.importing.bed_shapes import BedRectangle, find_excluded_areas, find_rectangle
 from printer_slicer.importing.conversion import ONE_TOOL, Conversion, find_highest_layer
 from printer_slicer.importing.machine_gcode import convert_macros
 from printer_slicer.importing.presets import Preset, parse_quantity
@@ -150,6 +150,8 @@ def _convert_bed(conversion: Conversion) -> BedRectangle:
             conversion.put(name, value, "bed_shape")
         else:
             conversion.switch_off(name, 0, "bed_shape")
+    if conversion.preset.has("bed_exclude_area"):
+        conversion.put("excluded_areas", find_excluded_areas(conversion), "bed_exclude_area")
     conversion.copy_number("bed_z", "max_print_height")
     if conversion.preset.read_number("z_offset"):
         conversion.warn(

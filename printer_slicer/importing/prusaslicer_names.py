@@ -13,7 +13,7 @@ __all__ = ["DEFAULTS", "METADATA", "find_setting_kind"]
 
 _PRINTER: Final = re.compile(
     r"machine_\w+|retract_\w+|deretract_speed|display_\w+|thumbnails\w*|printer_\w+|serial_\w+|print_host|printhost_\w+"
-    r"|octoprint_\w+|host_type|bed_(shape|custom_\w+)|max_print_height|nozzle_\w+|extruder_(colour|offset)"
+    r"|octoprint_\w+|host_type|bed_(shape|exclude_area|custom_\w+)|max_print_height|nozzle_\w+|extruder_(colour|offset)"
     r"|extruders_count|(start|end|layer|before_layer|between_objects|toolchange|color_change|pause_print"
     r"|template_custom)_gcode|gcode_flavor|use_(firmware_retraction|relative_e_distances|volumetric_e)|wipe|wipe_advanced\w*"
     r"|(min|max)_layer_height|variable_layer_height|z_offset|z_step|z_lift_\w+|silent_mode|remaining_times"

@@ -37,6 +37,7 @@ def find_all_conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _check_raft(profile)
     yield from _check_temperatures(profile)
     yield from _check_firmware(profile)
+    yield from _check_bed(profile)
     yield from _check_thumbnails(profile)
 
 
@@ -198,6 +199,23 @@ def _check_temperatures(profile: Profile) -> Iterator[Conflict]:
                     f"{wanted:g} °C is more than printer {printer.name!r} allows ({limit:g} °C)",
                     "Choose another material or printer",
                 )
+
+
+def _check_bed(profile: Profile) -> Iterator[Conflict]:
+    """Check that the margin leaves room on the bed, and that excluded areas have an area."""
+    printer = profile.printer
+    if 2 * printer.bed_margin >= min(printer.bed_x, printer.bed_y):
+        bed = f"{printer.bed_x:g} x {printer.bed_y:g} mm"
+        problem = f"{printer.bed_margin:g} mm on each side leave no room on a bed of {bed}"
+        yield Conflict("printer.bed_margin", problem, "Choose a smaller margin")
+    for text, polygon in zip(printer.excluded_areas, printer.excluded_polygons, strict=True):
+        xs, ys = zip(*polygon, strict=True)
+        if min(max(xs) - min(xs), max(ys) - min(ys)) <= 0:
+            yield Conflict(
+                "printer.excluded_areas",
+                f"{text!r} has no area",
+                "Write its corners, or two opposite corners",
+            )
 
 
 def _check_thumbnails(profile: Profile) -> Iterator[Conflict]:

@@ -5,7 +5,7 @@ Help texts, tables and error messages are generated from these definitions. The 
 """
 
 # Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from msgspec import field
 
@@ -43,6 +43,10 @@ __all__ = [
     "StepwisePlanner",
     "UniformPlanner",
 ]
+
+
+_CORNER: Final = r"-?\d{1,4}(\.\d+)?x-?\d{1,4}(\.\d+)?"
+_POLYGON: Final = rf"^{_CORNER}( {_CORNER})+$"
 
 
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -87,6 +91,20 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             le=200,
         ),
     ] = 0
+    bed_margin: Annotated[
+        float,
+        make_meta(
+            "width of the strip along the edges of the bed on which no part may stand", "mm", ge=0, le=1000
+        ),
+    ] = 0
+    excluded_areas: Annotated[
+        tuple[Annotated[str, make_meta("", pattern=_POLYGON)], ...],
+        make_meta(
+            "areas of the bed in which nothing may be printed, such as those of clips: the corners of each polygon, or "
+            "two opposite corners of a rectangle, as in 0x0 18x28",
+            "mm",
+        ),
+    ] = ()
     nozzle_diameter: Annotated[float, make_meta("diameter of the nozzle", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[
         float, make_meta("step of the Z axis; all layer heights are multiples of it", "mm", ge=0.0005, le=0.1)
@@ -298,6 +316,26 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         x, y = (-self.bed_x / 2, -self.bed_y / 2) if self.origin == "centre" else (0.0, 0.0)
         left, front = x + self.bed_left, y + self.bed_front
         return (left, front), (left + self.bed_x, front + self.bed_y)
+
+    @property
+    def free_corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Front left and rear right corner of the area on which parts may stand, mm."""
+        (left, front), (right, back) = self.corners
+        margin = self.bed_margin
+        return (left + margin, front + margin), (right - margin, back - margin)
+
+    @property
+    def excluded_polygons(self) -> tuple[tuple[tuple[float, float], ...], ...]:
+        """The corners of each of the `excluded_areas`, mm; rectangles have four."""
+        polygons = []
+        for text in self.excluded_areas:
+            corners = [tuple(map(float, corner.split("x"))) for corner in text.split()]
+            points = [(x, y) for x, y in corners]
+            if len(points) == 2:
+                (left, front), (right, back) = points
+                points = [(left, front), (right, front), (right, back), (left, back)]
+            polygons.append(tuple(points))
+        return tuple(polygons)
 
 
 class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):

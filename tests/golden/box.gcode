@@ -471,6 +471,8 @@ M104 S0
 ; printer.bed_left = 0
 ; printer.bed_front = 0
 ; printer.reach = 0
+; printer.bed_margin = 0
+; printer.excluded_areas = 
 ; printer.nozzle_diameter = 0.4
 ; printer.z_step = 0.01
 ; printer.z_full_step = 0

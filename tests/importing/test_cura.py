@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import zipfile
 from pathlib import Path
@@ -324,3 +325,21 @@ def test_any_text_is_a_value_or_refused(text: str) -> None:
     except CuraExpressionError:
         return
     assert isinstance(value, (bool, int, float, str, list, tuple)) or callable(value) is False
+
+
+def test_disallowed_areas_are_measured_from_the_middle_and_to_the_front(folder: Path) -> None:
+    path = folder / "acme.def.json"
+    values = json.loads(path.read_text())
+    areas = [[[-90, 105], [-60, 105], [-60, 95], [-90, 95]], [[90, -105], [80, -105], [90, -90]]]
+    values["overrides"]["machine_disallowed_areas"] = {"default_value": areas}
+    base = json.loads((folder / "fdmbase.def.json").read_text())
+    base["settings"]["all"]["children"]["machine_disallowed_areas"] = {
+        "type": "polygons",
+        "default_value": [],
+    }
+    json_file(folder / "fdmbase.def.json", base)
+    assert loaded(imported(path), folder).printer.excluded_areas == ()
+    json_file(path, values)
+
+    printer = loaded(imported(path), folder).printer
+    assert printer.excluded_areas == ("0x0 30x0 30x10 0x10", "180x210 170x210 180x195")

@@ -338,3 +338,25 @@ def test_outer_walls_keep_their_width(tmp_path: Path) -> None:
     quality = process(tmp_path, inner_wall_line_width="0.45", outer_wall_line_width="0.42").values
 
     assert (quality["extrusion_width"], quality["external_perimeter_width"]) == (0.45, 0.42)
+
+
+@pytest.mark.parametrize(
+    ("given", "areas"),
+    [
+        (["0x0", "18x0", "18x28", "0x28"], ("0x0 18x0 18x28 0x28",)),
+        (
+            ["0x0", "9x0", "9x8", "0x8", "50x0", "60x0", "60x5", "50x5"],
+            ("0x0 9x0 9x8 0x8", "50x0 60x0 60x5 50x5"),
+        ),
+        (["0x0", "20x0", "30x10", "20x20", "0x20"], ("0x0 20x0 30x10 20x20 0x20",)),
+        (["0x0"], ()),
+        ([], ()),
+    ],
+)
+def test_areas_that_the_bed_excludes_are_imported(
+    tmp_path: Path, given: list[str], areas: tuple[str, ...]
+) -> None:
+    json_file(tmp_path / "acme_common.json", COMMON)
+    path = json_file(tmp_path / "machine.json", MACHINE | {"bed_exclude_area": given})
+
+    assert loaded(imported(path), tmp_path).printer.excluded_areas == areas
