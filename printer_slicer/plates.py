@@ -7,6 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.adhesion import measure_reach as measure_adhesion
+from printer_slicer.adhesion import measure_spacing
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.errors import PartError, UsageError
@@ -15,9 +17,14 @@ from printer_slicer.geometry import Areas, offset, simplify
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
 from printer_slicer.profile import Profile
+from printer_slicer.profile.object_profiles import (
+    list_overridden_objects,
+    list_support_styles,
+    make_profile_for_object,
+)
 from printer_slicer.surface.top_view import project_from_above
 
-__all__ = ["PART_GAP", "arrange", "find_places", "make_plates"]
+__all__ = ["PART_GAP", "arrange", "find_places", "make_plates", "measure_room"]
 
 PART_GAP: Final = 6.0
 """Smallest distance between arranged parts by default, mm."""
@@ -32,15 +39,15 @@ def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) 
     """Arrange parts on few plates.
 
     Parts are rotated about z and moved. A part may stand in a hole of another part, but not below an overhang of it. If
-    the profile has a brim or a raft, `gap` is the distance between these. There is no extra room for supports. The same
-    parts always get the same places.
+    the profile has a brim, a raft or supports, `gap` is the distance between these. The same parts always get the same
+    places.
 
         for plate in ps.arrange(parts, profile):
             job = ps.job_of(plate, profile, placement=ps.Placement(as_placed=True))
 
     Args:
         meshes: the parts; for copies, the same mesh several times.
-        profile: gives the bed, and the width of brim and raft.
+        profile: gives the bed, and the width of brim, raft and supports.
         gap: smallest distance between parts seen from above, mm.
 
     Returns:
@@ -68,31 +75,38 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     """
     for mesh in meshes:
         _check_height(mesh, profile)
-    around = _compute_margin(profile)
     known = {id(mesh): mesh for mesh in meshes}
-    outline_of = {key: _find_outline(mesh, around) for key, mesh in known.items()}
+    rooms = {key: measure_room(mesh, profile) for key, mesh in known.items()}
+    outline_of = {key: _find_outline(mesh, rooms[key]) for key, mesh in known.items()}
     low, high = map(np.array, profile.printer.free_corners)
-    room = FreeArea(low, high, read_excluded_areas(profile.printer))
-    around_bed = _name_surroundings(profile)
-    names = [f"{mesh.name}: the part{around_bed and f' with its {around_bed}'}" for mesh in meshes]
-    outlines = [outline_of[id(mesh)] for mesh in meshes]
+    bed = FreeArea(low, high, read_excluded_areas(profile.printer))
+    names = [f"{mesh.name}: the part{_name_surroundings(rooms[id(mesh)], profile)}" for mesh in meshes]
     remedy = "Choose a larger printer, or scale the part"
-    remedy += f", or make its {around_bed} narrower" if around_bed else ""
-    return arrange_outlines(outlines, names, room, gap, remedy=remedy)
+    remedy += ", or print it without what surrounds it on the bed" if any(rooms.values()) else ""
+    outlines = [outline_of[id(mesh)] for mesh in meshes]
+    return arrange_outlines(outlines, names, bed, max(gap, measure_spacing(profile)), remedy=remedy)
 
 
-def _name_surroundings(profile: Profile) -> str:
-    """Return what surrounds a part on the bed: brim, raft, both or nothing."""
-    has = {"brim": profile.quality.brim_width, "raft": profile.quality.raft_height}
-    return " and ".join(name for name, size in has.items() if size)
+def _name_surroundings(room: float, profile: Profile) -> str:
+    """Return what surrounds a part within its room, mm, such as ` with its brim and supports`."""
+    has = {
+        "brim": profile.quality.brim_width > 0,
+        "raft": profile.quality.raft_height > 0,
+        "supports": room > measure_adhesion(profile),
+    }
+    return f" with its {' and '.join(name for name, is_there in has.items() if is_there)}" if room else ""
 
 
-def _compute_margin(profile: Profile) -> float:
-    """Return how far brim and raft reach beyond a part, mm."""
-    quality = profile.quality
-    brim = quality.brim_gap + quality.brim_width + profile.width_on_bed if quality.brim_width else 0.0
-    raft = quality.raft_margin + profile.width_on_bed if quality.raft_height else 0.0
-    return max(brim, raft)
+def measure_room(mesh: Mesh, profile: Profile) -> float:
+    """Return the width of the strip around the outline of a part that its supports, brim and raft need, mm."""
+    names = {mesh.name, *(item.name for item in mesh.objects)}
+    own = make_profile_for_object(profile, names) if list_overridden_objects(profile) else profile
+    room = measure_adhesion(profile)
+    if list_support_styles(profile) != {"off"}:
+        from printer_slicer.supports.reach import measure_reach  # noqa: PLC0415 - most parts have no supports
+
+        room += measure_reach(mesh, own)
+    return room
 
 
 def _find_outline(mesh: Mesh, around: float) -> Areas:

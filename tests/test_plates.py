@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import printer_slicer as ps
-from printer_slicer.plates import PART_GAP
+from printer_slicer.plates import PART_GAP, measure_room
 from printer_slicer.surface.top_view import project_from_above
 from tests.parts import box, box_with_hole, joined
 
@@ -79,8 +79,10 @@ def test_a_brim_lies_between_the_parts() -> None:
 def test_a_raft_counts_as_a_part_of_the_outline() -> None:
     on_raft = ps.profile_with(PROFILE, {"raft_height": 1, "raft_margin": 7})
     (plate,) = ps.arrange([named("one", (20, 20, 5)), named("two", (20, 20, 5))], on_raft)
-    one, two = split(plate)
-    assert seen(one).distance(seen(two)) >= PART_GAP + 14
+    one, two = map(seen, split(plate))
+    assert one.distance(two) >= PART_GAP + 14
+    rafts = shapely.union_all([one, two]).buffer(14, join_style="mitre").buffer(-7)  # as the raft is made
+    assert len(shapely.get_parts(rafts)) == 2
 
 
 def test_a_part_as_large_as_the_bed_fits() -> None:
@@ -99,7 +101,7 @@ def test_a_part_larger_than_the_bed_is_named() -> None:
         ps.PrinterSlicerError, match=r"sheet: the part with its brim is 1.* mm in x"
     ) as caught:
         ps.arrange([named("sheet", (215, 215, 1))], wide)
-    assert "make its brim narrower" in str(caught.value)
+    assert "without what surrounds it on the bed" in str(caught.value)
 
 
 def test_a_part_higher_than_the_printer_is_named() -> None:
@@ -177,3 +179,29 @@ def test_skirt_and_brim_stay_out_of_excluded_areas() -> None:
 def test_areas_and_margins_that_make_no_sense_are_rejected(key: str, value: object, message: str) -> None:
     with pytest.raises(ps.PrinterSlicerError, match=message):
         ps.load_profile("marlin_220", changes={f"printer.{key}": value})
+
+
+@pytest.mark.parametrize("style", ["columns", "tree"])
+@pytest.mark.parametrize("brim", [0, 4])
+def test_supports_and_their_brim_stand_within_the_room_of_their_part(style: str, brim: float) -> None:
+    profile = ps.profile_with(
+        PROFILE, {"support": style, "brim_width": brim, "skirt_loops": 0, "layer_height": 0.3}
+    )
+    (plate,) = ps.arrange([TABLE, named("cube", (20, 20, 20)), TABLE], profile)
+    stages = ps.slice_stages(plate, profile, placement=ps.Placement(as_placed=True))
+    parts = split(plate)
+    rooms = [seen(part).buffer(measure_room(part, profile)) for part in parts]
+    assert measure_room(TABLE, profile) > measure_room(parts[1], profile) + 3
+    assert all(one.distance(other) >= PART_GAP - 0.05 for one, other in combinations(rooms, 2))
+    paths = stages.toolpaths
+    chosen = np.isin(paths.role, [ps.Role.SUPPORT, ps.Role.SUPPORT_INTERFACE, ps.Role.BRIM])
+    assert chosen.any()
+    points = shapely.points(paths.take(np.flatnonzero(chosen)).xy)
+    assert shapely.union_all(rooms).buffer(0.02).covers(points).all()
+
+
+def test_a_part_has_room_for_its_own_supports_only() -> None:
+    own = ps.profile_with(PROFILE, {"overrides": "table:support=columns"})
+    other = ps.profile_with(PROFILE, {"overrides": "cube:support=columns"})
+    assert measure_room(TABLE, own) > 0
+    assert measure_room(TABLE, other) == 0

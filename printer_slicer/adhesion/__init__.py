@@ -6,13 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.adhesion.brim import brim_paths
-from printer_slicer.adhesion.raft import place_on_raft, raft_paths
+from printer_slicer.adhesion.brim import brim_paths, brim_reach
+from printer_slicer.adhesion.raft import place_on_raft, raft_paths, raft_reach
 from printer_slicer.adhesion.skirt import skirt_paths
 from printer_slicer.model import Sections, Toolpaths
 from printer_slicer.profile import Profile
 
-__all__ = ["add_adhesion", "adhesion_paths", "place_on_raft"]
+__all__ = ["add_adhesion", "adhesion_paths", "measure_reach", "measure_spacing", "place_on_raft"]
+
+
+def measure_reach(profile: Profile) -> float:
+    """Return how far brim and raft extend beyond the part at most, mm."""
+    return max(brim_reach(profile), raft_reach(profile))
+
+
+def measure_spacing(profile: Profile) -> float:
+    """Return the distance between the brims and rafts of two parts that keeps them separate, mm."""
+    return max(4 * raft_reach(profile) - 2 * measure_reach(profile), 0.0)
 
 
 def adhesion_paths(printed: Sections, profile: Profile) -> Toolpaths:

@@ -28,7 +28,7 @@ from printer_slicer.profile import Profile, Quality
 from printer_slicer.roles import Role
 from printer_slicer.values import Struct
 
-__all__ = ["brim_paths"]
+__all__ = ["brim_paths", "brim_reach"]
 
 # Loops that would be closer than this share of the spacing are left out, because they would overlap.
 _CLOSEST_RATIO = 0.6
@@ -45,6 +45,12 @@ class _BrimZones(Struct, frozen=True, eq=False):
 
     bodies: Areas
     holes: Areas
+
+
+def brim_reach(profile: Profile) -> float:
+    """Return how far the brim extends beyond the part at most, mm; 0 without a brim."""
+    quality = profile.quality
+    return quality.brim_gap + quality.brim_width + profile.width_on_bed if quality.brim_width else 0.0
 
 
 def brim_paths(sections: Sections, profile: Profile) -> Toolpaths:

@@ -20,7 +20,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.values import replace
 
-__all__ = ["place_on_raft", "raft_heights", "raft_paths"]
+__all__ = ["place_on_raft", "raft_heights", "raft_paths", "raft_reach"]
 
 _BASE_WIDTH_RATIO = 2.0  # nozzle diameters; wide lines adhere to the bed
 _BASE_HEIGHT_RATIO = 0.8  # nozzle diameters; a thick layer evens out the bed
@@ -28,6 +28,14 @@ _INTERFACE_HEIGHT_RATIO = 0.5  # nozzle diameters; thin layers make a smooth sur
 _LONGEST_TURN_ROWS = 3.0  # row spacings
 _OVERLAP_RATIO = 0.1  # of the spacing, overlap of lines with the loop around them
 _ROUNDING = 1e-6  # mm
+
+
+def raft_reach(profile: Profile) -> float:
+    """Return how far the raft extends beyond the part, mm; 0 without a raft.
+
+    The rafts of parts that are nearer than four times this distance join.
+    """
+    return profile.quality.raft_margin if profile.quality.raft_height else 0.0
 
 
 def place_on_raft(sections: Sections, profile: Profile, beside: Areas | None = None) -> Sections:
