@@ -11,9 +11,11 @@ from printer_slicer.adhesion import measure_reach as measure_adhesion
 from printer_slicer.adhesion import measure_spacing
 from printer_slicer.arguments import check_argument, check_arguments
 from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
+from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.excluded_areas import read_excluded_areas
 from printer_slicer.geometry import Areas, offset, simplify
+from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
 from printer_slicer.profile import Profile
@@ -24,7 +26,7 @@ from printer_slicer.profile.object_profiles import (
 )
 from printer_slicer.surface.top_view import project_from_above
 
-__all__ = ["PART_GAP", "arrange", "find_places", "make_plates", "measure_room"]
+__all__ = ["PART_GAP", "arrange", "find_motion", "find_places", "make_plates", "measure_room"]
 
 PART_GAP: Final = 6.0
 """Smallest distance between arranged parts by default, mm."""
@@ -133,8 +135,22 @@ def make_plates(meshes: Sequence[Mesh], arrangement: Arrangement, *, drop: bool 
 def _move_part(mesh: Mesh, arrangement: Arrangement, part: int, *, drop: bool) -> Mesh:
     """Return a part at its place on the bed."""
     turned = transform(mesh, rotate=(0.0, 0.0, float(arrangement.angle[part])))
+    return turned.moved(find_motion(mesh, arrangement, part, drop=drop)[1])
+
+
+def find_motion(mesh: Mesh, arrangement: Arrangement, part: int, *, drop: bool = True) -> tuple[Float, Float]:
+    """Return the rotation (3, 3), for column vectors, and the shift (3,), mm, that move a part to its place.
+
+    Args:
+        mesh: the part.
+        arrangement: the places of all parts.
+        part: its index.
+        drop: whether it is moved onto z = 0.
+    """
+    c, s = cosine_and_sine(float(arrangement.angle[part]))
     x, y = arrangement.shift[part].tolist()
-    return turned.moved((x, y, -float(turned.bounds[0, 2]) if drop else 0.0))
+    z = -float(mesh.bounds[0, 2]) if drop else 0.0
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, z])
 
 
 def _check_height(mesh: Mesh, profile: Profile) -> None:

@@ -40,11 +40,15 @@ class ArrangedPlates(NamedTuple):
         meshes: one for each plate.
         placement: position of each mesh on the bed.
         parts: facts about each part, for JSON: name, plate (from 1), rotation and centre.
+        shapes: the parts as they were given; copies are the same mesh.
+        places: their places.
     """
 
     meshes: tuple[Mesh, ...]
     placement: Placement
     parts: tuple[dict[str, Any], ...]
+    shapes: tuple[Mesh, ...]
+    places: Arrangement
 
     def describe(self, gap: float) -> str:
         """Return a sentence about the numbers of parts and plates."""
@@ -157,7 +161,7 @@ def arrange_models(arguments: argparse.Namespace, meshes: Sequence[Mesh], profil
     plates = make_plates(meshes, places, drop=arguments.drop)
     facts = tuple(_list_part_facts(meshes, places, plates))
     placement = Placement(arguments.center, arguments.center is None, arguments.drop)
-    return ArrangedPlates(plates, placement, facts)
+    return ArrangedPlates(plates, placement, facts, tuple(meshes), places)
 
 
 def _list_part_facts(

@@ -48,6 +48,7 @@ __all__ = [
     "apply_projects",
     "format_model_names",
     "keep_freed_memory",
+    "load_arranged_plates",
     "load_c_library",
     "load_plate",
     "load_plates",
@@ -133,6 +134,40 @@ def load_plates(
         UsageError, MeshError: a file cannot be read, or is not a model.
         PartError: parts overlap where they may not, or a part does not fit the bed.
     """
+    loaded = _load_parts(arguments, profile, report)
+    if loaded.why is None:
+        warn(arguments, loaded.plate.warnings)
+        check_plate_number(arguments, 1)
+        return [join(loaded.parts).with_volumes(loaded.volumes)], [loaded.plate]
+    arranged, plate = _arrange_parts(arguments, loaded, profile, report)
+    return _list_arranged_plates(arguments, arranged, plate)
+
+
+def load_arranged_plates(
+    arguments: argparse.Namespace, profile: Profile, report: StageReport
+) -> tuple[ArrangedPlates, Plate]:
+    """Read all models of a command line, and arrange them; --arrange must be set.
+
+    Raises:
+        UsageError, MeshError, PartError: as `load_plates`.
+    """
+    loaded = _load_parts(arguments, profile, report)
+    arranged, plate = _arrange_parts(arguments, loaded, profile, report)
+    check_plate_number(arguments, plate.count)
+    return arranged, plate
+
+
+class _LoadedParts(NamedTuple):
+    """The parts to print, and why they are arranged: empty if this is requested; None: they are not arranged."""
+
+    parts: list[Mesh]
+    why: str | None
+    volumes: Volumes | None
+    plate: Plate
+
+
+def _load_parts(arguments: argparse.Namespace, profile: Profile, report: StageReport) -> _LoadedParts:
+    """Read the models of a command line, and decide whether they are arranged; as `load_plates`."""
     keep_freed_memory()
     reject_positions_with_copies(arguments)
     files = {path: _load_transformed(arguments, path, report) for path in dict.fromkeys(arguments.models)}
@@ -143,20 +178,28 @@ def load_plates(
     if not arguments.fuse:
         _reject_overlapping_objects(files)
     parts, why = _collect_parts(arguments, files, profile.printer)
-    arranged: ArrangedPlates | None = None
-    if why is not None:
-        report("arranging")
-        arranged = arrange_models(arguments, _add_volumes(parts, volumes), profile)
-        warnings += [f"{why}: {arranged.describe(get_gap(arguments))}"] if why else []
-    else:
+    if why is None:
         warnings += _list_floating_part_warnings(files, placement)
-    warn(arguments, warnings)
     models = tuple(_collect_model_facts(one.model) for one in files.values())
-    plate = Plate(placement, tuple(warnings), models)
-    if arranged is None:
-        check_plate_number(arguments, 1)
-        return [join(parts).with_volumes(volumes)], [plate]
-    return _list_arranged_plates(arguments, arranged, plate)
+    return _LoadedParts(parts, why, volumes, Plate(placement, tuple(warnings), models))
+
+
+def _arrange_parts(
+    arguments: argparse.Namespace, loaded: _LoadedParts, profile: Profile, report: StageReport
+) -> tuple[ArrangedPlates, Plate]:
+    """Arrange parts; return them, and the facts that all plates have in common. Warnings are printed."""
+    report("arranging")
+    arranged = arrange_models(arguments, _add_volumes(loaded.parts, loaded.volumes), profile)
+    told = [f"{loaded.why}: {arranged.describe(get_gap(arguments))}"] if loaded.why else []
+    plate = replace(
+        loaded.plate,
+        placement=arranged.placement,
+        warnings=(*loaded.plate.warnings, *told),
+        count=len(arranged.meshes),
+        parts=arranged.parts,
+    )
+    warn(arguments, plate.warnings)
+    return arranged, plate
 
 
 def _collect_parts(
@@ -201,8 +244,7 @@ def _list_arranged_plates(
         from printer_slicer.objects import list_overridable_names
 
         names = frozenset(name for mesh in meshes for name in list_overridable_names(mesh))
-    common = replace(plate, placement=arranged.placement, count=count, parts=arranged.parts, names=names)
-    plates = [replace(common, number=number, tells=number == 1) for number in range(1, count + 1)]
+    plates = [replace(plate, number=number, names=names, tells=number == 1) for number in range(1, count + 1)]
     if arguments.plate is None:
         return meshes, plates
     chosen = arguments.plate - 1

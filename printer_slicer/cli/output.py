@@ -26,6 +26,7 @@ __all__ = [
     "BAR_DELAY",
     "Milestones",
     "StageReport",
+    "append_to_stem",
     "check_outputs",
     "colourize",
     "describe_picture",
@@ -261,6 +262,11 @@ def write_file(path: Path, data: bytes | Iterable[bytes]) -> None:
     for piece in [data] if isinstance(data, bytes) else data:
         sys.stdout.buffer.write(piece)
         sys.stdout.buffer.flush()
+
+
+def append_to_stem(path: Path, suffix: str) -> Path:
+    """Return a path with text between its name and its extension, such as the number of a plate."""
+    return path.with_name(f"{path.stem}{suffix}{path.suffix}") if suffix else path
 
 
 def describe_picture(path: Path | None, shows: str) -> list[str]:

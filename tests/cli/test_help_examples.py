@@ -17,7 +17,7 @@ from tests.mesh_io.tiny_files import binary_stl, item, mesh_xml, model_xml, thre
 from tests.parts import box
 
 COMMANDS: Final = (
-    *("slice", "plan", "contours", "check", "draw", "dry-run", "print"),
+    *("slice", "arrange", "plan", "contours", "check", "draw", "dry-run", "print"),
     *("ports", "profiles", "completion", "man"),
 )
 PLATE: Final = ("lid.stl", "box.3mf", "--rotate", "90")

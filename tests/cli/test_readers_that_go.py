@@ -34,6 +34,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "slice what is no model": ("slice", "bad.stl"),
     "slice what is not there": ("slice", "missing.stl", "--json"),
     "plan": ("plan", PARTS / "box.stl", *QUICK),
+    "arrange": ("arrange", "missing.stl", "-o", "plate.3mf"),
     "contours": ("contours", "missing.stl", "-o", "-"),
     "draw": ("draw", BOX, "-o", "-", *QUICK),
     "check": ("check", "bad.gcode", "--strict", "--printer", "marlin_220"),

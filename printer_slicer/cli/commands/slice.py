@@ -22,6 +22,7 @@ from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import (
+    append_to_stem,
     check_outputs,
     describe_picture,
     print_text,
@@ -162,14 +163,9 @@ def _slice_models(arguments: Namespace, profile: Profile, output: Path | None) -
     output = output or _choose_default_output(arguments.models[0])
     for plate in plates:
         suffix = f"-{plate.number}" if len(plates) > 1 else ""
-        pictured = arguments.picture and _append_to_stem(arguments.picture, suffix)
+        pictured = arguments.picture and append_to_stem(arguments.picture, suffix)
         own = Namespace(**{**vars(arguments), "picture": pictured})
-        _slice_plate(own, profile, [meshes.pop(0)], plate, _append_to_stem(output, suffix))
-
-
-def _append_to_stem(path: Path, suffix: str) -> Path:
-    """Return a path with text between its name and its extension, such as the number of a plate."""
-    return path.with_name(f"{path.stem}{suffix}{path.suffix}") if suffix else path
+        _slice_plate(own, profile, [meshes.pop(0)], plate, append_to_stem(output, suffix))
 
 
 def _reject_plates_on_stdout(arguments: Namespace, output: Path | None, plates: Sequence[Plate]) -> None:
