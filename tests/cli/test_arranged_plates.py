@@ -240,3 +240,44 @@ def test_a_model_is_compared_with_arranged_parts(tmp_path: Path) -> None:
     assert typed("slice", one, f"{two}*2", "-o", output, *QUICK).code == 0
     assert typed("check", output, "--model", one, f"{two}*2").code == 0
     assert typed("draw", output, "--model", one, f"{two}*2", "-o", tmp_path / "a.svg").code == 0
+
+
+# Everything together
+
+
+def test_time_and_filament_of_each_object_are_told(tmp_path: Path) -> None:
+    big, small = part(tmp_path, "big.stl", (40, 40, 6)), part(tmp_path, "small.stl", (20, 20, 3))
+    flags = (big, f"{small}*2", "-o", tmp_path / "out.gcode", *QUICK)
+
+    (found,) = facts(typed("slice", *flags, "--json"))
+    objects = found["objects"]
+    assert [one["name"] for one in objects] == ["big", "small", "small_2"]
+    assert objects[1]["filament_mm"] == pytest.approx(objects[2]["filament_mm"], rel=0.02)
+    assert objects[0]["filament_mm"] > 3 * objects[1]["filament_mm"]
+    assert 0.9 * found["filament_mm"] < sum(one["filament_mm"] for one in objects) <= found["filament_mm"]
+    assert 0.7 * found["seconds"] < sum(one["seconds"] for one in objects) < found["seconds"]
+    assert "  Objects: big " in typed("slice", *flags).out
+    assert "Objects" not in typed("slice", big, "-o", tmp_path / "out.gcode", *QUICK).out
+
+
+@pytest.mark.parametrize("printer", ["marlin_220", "corexy_klipper"])
+def test_objects_of_arranged_plates_are_labelled_and_can_be_cancelled(tmp_path: Path, printer: str) -> None:
+    shift = (1, 0, 0, 0, 1, 0, 0, 0, 1, 60, 0, 0)
+    project = tmp_path / "both.3mf"
+    project.write_bytes(three_mf(model_xml({1: mesh_xml(), 2: mesh_xml()}, item(1) + item(2, shift))))
+    lid = part(tmp_path, "lid.stl", (20, 20, 2))
+    output = tmp_path / "out.gcode"
+    flags = ("--printer", printer, "--quality", "standard", "--set-for", "lid_2:infill_density=1")
+
+    (found,) = facts(typed("slice", project, f"{lid}*2", "--copies", "2", "--json", "-o", output, *flags))
+    text = output.read_text()
+    names = [one["name"] for one in found["objects"]]
+    assert len(found["parts"]) == 6
+    assert len(names) == len(set(names)) == 8
+    assert all(text.count(name) > 1 for name in names)
+    if printer == "corexy_klipper":
+        assert text.count("EXCLUDE_OBJECT_DEFINE NAME=") == 8
+        assert text.count("EXCLUDE_OBJECT_START") == text.count("EXCLUDE_OBJECT_END") > 8
+    lids = [one["filament_mm"] for one in found["objects"] if one["name"].startswith("lid")]
+    assert sorted(lids)[-1] > 1.2 * sorted(lids)[-2]
+    assert typed("dry-run", output, "--printer", printer).code == 0

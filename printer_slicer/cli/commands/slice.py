@@ -190,7 +190,6 @@ def _slice_plate(
     """Slice the only mesh of a list, which is removed from it; write the G-code to a file and print a summary."""
     from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, release_memory_between_stages
-    from printer_slicer.extrusion import move_seconds
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify, read_surface
@@ -206,7 +205,7 @@ def _slice_plate(
         program = stage.program
         unsupported = _find_unsupported(arguments, stage.part.name, program, profile)
         report("writing")
-        seconds = float(move_seconds(program, profile).sum())
+        seconds, objects = _measure_times(stage, profile)
         if arguments.picture:
             _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
         certificate = certify(read_surface(stage.part), stage.sections.plan)
@@ -223,10 +222,24 @@ def _slice_plate(
         )
     late = _list_late_warnings(stage, profile, unsupported)
     warn(arguments, late)
-    more = {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+    more: dict[str, Any] = {"objects": objects}
+    more |= {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
     facts = collect_slicing_facts(stage, profile, seconds, certificate) | plate.collect_facts() | more
     _print_result(arguments, output, facts)
     open_files(arguments, [output, arguments.picture])
+
+
+def _measure_times(stage: Stages, profile: Profile) -> tuple[float, list[dict[str, Any]]]:
+    """Return the time of all moves, s, and time and filament of each object of a plate with several."""
+    from printer_slicer.extrusion import move_seconds
+
+    seconds = move_seconds(stage.program, profile)
+    objects: list[dict[str, Any]] = []
+    if stage.labels is not None:
+        from printer_slicer.cli.object_facts import collect_object_facts
+
+        objects = collect_object_facts(stage, profile, seconds)
+    return float(seconds.sum()), objects
 
 
 def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
@@ -239,6 +252,10 @@ def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> 
         print(json.dumps({"output": str(output), **facts, **collect_profile_facts(arguments)}))
     elif str(output) != "-":
         first, *more = format_slicing_sentences(facts)
+        if facts["objects"]:
+            from printer_slicer.cli.object_facts import format_object_sentences
+
+            more[1:1] = format_object_sentences(facts["objects"])
         layer = f"layer {arguments.layer or 1} of the print"
         lines = [f"{output}: {first}", *more, *describe_picture(arguments.picture, layer)]
         print_text(arguments, "\n  ".join(lines))
