@@ -15,7 +15,7 @@ from printer_slicer.arranging.footprints import (
     list_footprints,
     rotate_outline,
 )
-from printer_slicer.arranging.packing import Packing, PlateCells, pack
+from printer_slicer.arranging.packing import Packer, Packing, PlateCells, pack
 from printer_slicer.arranging.spacing import find_smallest_distance
 from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PartError
@@ -68,7 +68,8 @@ def arrange_outlines(
         _check_size(name, own, room, remedy)
     orders = _list_best_orders(coarse, _make_plate(room, 2 * cell))
     fine, plate = _list_footprints(outlines, rotations, gap, cell), _make_plate(room, cell)
-    packings = [pack(fine, order, plate) for order in orders]
+    packer = Packer(plate, fine)
+    packings = [packer.pack(order) for order in orders]
     best = min((one for one in packings if one), key=lambda one: (one.n_plates, one.last_share), default=None)
     if best is None:
         raise PartError(_describe_unplaced(names, outlines, rotations, plate), remedy=remedy)
@@ -122,8 +123,9 @@ def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea, reme
 def _list_best_orders(footprints: Sequence[Sequence[Footprint]], plate: PlateCells) -> list[Int]:
     """Return the orders that need the fewest plates on a coarse raster, the best first."""
     orders, ranks = _list_orders(footprints), list[tuple[int, float]]()
+    packer = Packer(plate, footprints)
     for order in orders:
-        found = pack(footprints, order, plate)
+        found = packer.pack(order)
         ranks.append((found.n_plates, found.last_share) if found else (len(order) + 1, 0.0))
         if ranks[-1][0] == 1:
             break

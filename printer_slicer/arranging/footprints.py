@@ -42,7 +42,7 @@ class Footprint(Struct, frozen=True, eq=False):
 
 
 def list_footprints(outline: Areas, angles: Sequence[float], gap: float, cell: float) -> list[Footprint]:
-    """Return the footprint of a part in each rotation.
+    """Return the footprint of a part in each rotation in which it differs from the earlier ones.
 
     Args:
         outline: one layer, the part as seen from above, mm.
@@ -53,7 +53,12 @@ def list_footprints(outline: Areas, angles: Sequence[float], gap: float, cell: f
     reach = gap + _ROUND_ERROR
     wide = offset(outline, reach, join="round") if gap else outline
     turned = [(angle, rotate_outline(outline, angle), rotate_outline(wide, angle)) for angle in angles]
-    return [_make_footprint(own, around, angle, reach, cell) for angle, own, around in turned]
+    made = (_make_footprint(own, around, angle, reach, cell) for angle, own, around in turned)
+    # A symmetric part has the same footprint in several rotations; the first is enough.
+    known: dict[tuple[object, ...], Footprint] = {}
+    for one in made:
+        known.setdefault((one.touched.shape, one.touched.tobytes(), one.kept_free.tobytes()), one)
+    return list(known.values())
 
 
 def rotate_outline(outline: Areas, angle: float) -> Areas:

@@ -17,7 +17,7 @@ from printer_slicer.arranging.footprints import Footprint
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.raster import Float32
 
-__all__ = ["Packing", "PlacedPart", "PlateCells", "pack"]
+__all__ = ["Packer", "Packing", "PlacedPart", "PlateCells", "pack"]
 
 _Spectrum = NDArray[np.complexfloating[Any, Any]]
 _FREE: Final = 0.5  # counts below this are 0, apart from rounding
@@ -73,6 +73,8 @@ class _Plate:
         self.empty = empty
         self.taken = empty.excluded.astype(np.float32)
         self.n_touched = 0
+        self.too_large: set[int] = set()
+        """Ids of the footprints for which no free place is left."""
         self._spectrum: tuple[_Spectrum, _Spectrum] | None = None
 
     def spectra(self) -> tuple[_Spectrum, _Spectrum]:
@@ -105,19 +107,51 @@ def _compute_cell_costs(taken: Float32) -> Float32:
     return np.asarray(rows / taken.shape[0] + columns / taken.shape[1] - near / _NEAR, np.float32)
 
 
-def _place_part(rotations: Sequence[Footprint], plates: list[_Plate], empty: PlateCells) -> PlacedPart | None:
-    """Place a part on the first plate with room for it, if need be on a new one; None: it fits on no empty plate."""
-    spectra = [np.fft.rfft2(one.touched.astype(np.float32), empty.excluded.shape).conj() for one in rotations]
-    for number in range(len(plates) + 1):
-        plate = plates[number] if number < len(plates) else _Plate(empty)
-        found = _find_best_place(rotations, spectra, plate)
-        if found is not None:
+class Packer:
+    """Packs parts on plates of one kind, in any order; what does not depend on the order is computed once."""
+
+    def __init__(self, empty: PlateCells, rotations: Sequence[Sequence[Footprint]]) -> None:
+        """Prepare to pack parts, whose footprints are in `rotations`; copies have the same footprints."""
+        self._empty = empty
+        self._rotations = rotations
+        self._spectra: dict[int, list[_Spectrum]] = {}
+
+    def pack(self, order: Int) -> Packing | None:
+        """Pack parts in the order of their indices (P,); return None if a part fits on no empty plate."""
+        plates: list[_Plate] = []
+        places: dict[int, PlacedPart] = {}
+        for part in order.tolist():
+            place = self._place_part(self._rotations[part], plates)
+            if place is None:
+                return None
+            places[part] = place
+        last = plates[-1].n_touched / self._empty.excluded.size if plates else 0.0
+        return Packing(tuple(places[part] for part in range(len(order))), len(plates), last)
+
+    def _find_spectra(self, rotations: Sequence[Footprint]) -> list[_Spectrum]:
+        """Return the conjugate spectra of the footprints of a part."""
+        if id(rotations) not in self._spectra:
+            shape = self._empty.excluded.shape
+            touched = (one.touched.astype(np.float32) for one in rotations)
+            self._spectra[id(rotations)] = [np.fft.rfft2(one, shape).conj() for one in touched]
+        return self._spectra[id(rotations)]
+
+    def _place_part(self, rotations: Sequence[Footprint], plates: list[_Plate]) -> PlacedPart | None:
+        """Place a part on the first plate with room for it, or on a new one; None: it fits on no empty plate."""
+        for number in range(len(plates) + 1):
+            plate = plates[number] if number < len(plates) else _Plate(self._empty)
+            if id(rotations) in plate.too_large:
+                continue
+            found = _find_best_place(rotations, self._find_spectra(rotations), plate)
+            if found is None:
+                plate.too_large.add(id(rotations))
+                continue
             if number == len(plates):
                 plates.append(plate)
             rotation, row, column = found
             plate.add(rotations[rotation], row, column)
             return PlacedPart(number, rotation, row, column)
-    return None
+        return None
 
 
 def _find_best_place(
@@ -125,21 +159,29 @@ def _find_best_place(
 ) -> tuple[int, int, int] | None:
     """Return rotation, row and column of the best free place on a plate; None if there is none."""
     taken, cell_cost = plate.spectra()
-    shape, n_free = plate.taken.shape, plate.taken.size - plate.taken.sum()
+    n_free = plate.taken.size - plate.taken.sum()
     best, least = None, np.inf
     for rotation, (footprint, own) in enumerate(zip(rotations, spectra, strict=True)):
-        rows, columns = plate.empty.count_places(footprint)
-        if rows <= 0 or columns <= 0 or footprint.touched.sum() > n_free:
+        places = plate.empty.count_places(footprint)
+        n_touched = int(footprint.touched.sum())
+        if min(places) <= 0 or n_touched > n_free:
             continue
-        is_free = np.fft.irfft2(taken * own, shape)[:rows, :columns] < _FREE
+        is_free = _correlate(taken * own, plate.taken.shape, places) < _FREE
         if not is_free.any():
             continue
-        cost = np.fft.irfft2(cell_cost * own, shape)[:rows, :columns] / footprint.touched.sum()
-        cost = np.where(is_free, cost, np.inf)
+        cost = np.where(is_free, _correlate(cell_cost * own, plate.taken.shape, places) / n_touched, np.inf)
         at = int(cost.argmin())
         if cost.flat[at] < least:
-            best, least = (rotation, *divmod(at, columns)), float(cost.flat[at])
+            best, least = (rotation, *divmod(at, places[1])), float(cost.flat[at])
     return best
+
+
+def _correlate(product: _Spectrum, shape: tuple[int, ...], places: tuple[int, int]) -> Float32:
+    """Return the first rows and columns of the inverse transform of a product of spectra."""
+    rows, columns = places
+    return np.asarray(
+        np.fft.irfft(np.fft.ifft(product, axis=0)[:rows], shape[1], axis=1)[:, :columns], np.float32
+    )
 
 
 def pack(rotations: Sequence[Sequence[Footprint]], order: Int, empty: PlateCells) -> Packing | None:
@@ -150,12 +192,4 @@ def pack(rotations: Sequence[Sequence[Footprint]], order: Int, empty: PlateCells
         order: (P,) indices of the parts.
         empty: a plate.
     """
-    plates: list[_Plate] = []
-    places: dict[int, PlacedPart] = {}
-    for part in order.tolist():
-        place = _place_part(rotations[part], plates, empty)
-        if place is None:
-            return None
-        places[part] = place
-    last = plates[-1].n_touched / empty.excluded.size if plates else 0.0
-    return Packing(tuple(places[part] for part in range(len(rotations))), len(plates), last)
+    return Packer(empty, rotations).pack(order)
