@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
+from benchmarks.arranging import check_random_plate
 from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.arranging.footprints import find_touched_cells
 from printer_slicer.errors import PartError
@@ -135,3 +136,8 @@ def test_touched_cells_are_those_that_intersect_the_part(polygon: shapely.Polygo
     deep = shapely.intersects(cells, turned.buffer(-1e-6))
     assert touched[deep].all()
     assert not touched[~shapely.intersects(cells, turned.buffer(1e-6))].any()
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_random_plates_keep_the_exact_distance(seed: int) -> None:
+    assert check_random_plate(seed) >= 0
