@@ -6,8 +6,8 @@
 The first command arranges N copies, by default three, of 20 parts on beds of 250 x 250 mm, 6 mm apart, and prints
 plates and CPU time. The parts are those of the models folder, functional parts and sample parts. PrusaSlicer arranges
 the parts of one command line on one bed, and fails if they do not fit. So its beds are filled one after the other:
-the largest part that is left is added if PrusaSlicer still arranges the bed, then the next one. It compares convex
-outlines, so it is given each part flattened to 0.4 mm, which slices at once.
+with as many of the largest parts that are left as it accepts, then with as many of the smallest ones; both numbers are
+found by bisection. It compares convex outlines, so it is given each part flattened to 0.4 mm, which slices at once.
 
 The second command arranges random parts, and measures exact distances with shapely. It fails if two parts are nearer
 than the gap, or a part leaves the bed or enters an excluded area.
@@ -94,25 +94,29 @@ def compare(models: Path | None, copies: int) -> None:
 
 
 def fill_beds(distinct: Sequence[ps.Mesh], copies: int, folder: Path) -> list[int]:
-    """Return the number of parts on each of PrusaSlicer's beds, filled one after the other, the largest parts first."""
+    """Return the number of parts on each of PrusaSlicer's beds, which are filled one after the other."""
     paths: list[Path] = []
     for number, mesh in enumerate(sorted(distinct, key=lambda one: -float(one.size[:2].prod()))):
         paths.append(folder / f"{number}.stl")
         ps.export_stl(ps.transform(mesh, scale=(1, 1, FLAT / float(mesh.size[2]))), paths[-1])
     left, counts = [path for path in paths for _ in range(copies)], []
     while left:
-        bed: list[Path] = []
-        too_large: set[Path] = set()
-        for path in left:
-            if path not in too_large and fits_on_bed([*bed, path], folder):
-                bed.append(path)
-            else:
-                too_large.add(path)
-        for path in bed:
-            left.remove(path)
-        counts.append(len(bed))
-        print(f"{PEER}: bed {len(counts)} holds {len(bed)} parts", flush=True)
+        n_large = count_fitting([], left, folder)
+        bed, rest = left[:n_large], left[n_large:]
+        n_small = count_fitting(bed, rest[::-1], folder)
+        left = rest[: len(rest) - n_small]
+        counts.append(n_large + n_small)
+        print(f"{PEER}: bed {len(counts)} holds {n_large} large and {n_small} small parts", flush=True)
     return counts
+
+
+def count_fitting(bed: Sequence[Path], more: Sequence[Path], folder: Path) -> int:
+    """Return how many of further parts, from the first one, PrusaSlicer arranges beside those of a bed."""
+    low, high = 0, len(more)
+    while low < high:
+        middle = (low + high + 1) // 2
+        low, high = (middle, high) if fits_on_bed([*bed, *more[:middle]], folder) else (low, middle - 1)
+    return low
 
 
 def fits_on_bed(paths: Sequence[Path], folder: Path) -> bool:

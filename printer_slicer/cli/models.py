@@ -497,10 +497,9 @@ def _drop_foreign_overrides(profile: Profile, mesh: Mesh, plate: Plate) -> Profi
     from printer_slicer.objects import list_overridable_names
 
     foreign = plate.names - set(list_overridable_names(mesh))
-    kept = [
-        one for one in settings_as_dict(profile)["quality"]["overrides"] if one.get("object") not in foreign
-    ]
-    return profile_with(profile, {"quality.overrides": kept})
+    own = settings_as_dict(profile)["quality"].get("overrides", [])
+    kept = [one for one in own if one.get("object") not in foreign]
+    return profile_with(profile, {"quality.overrides": kept}) if len(kept) < len(own) else profile
 
 
 def _read_projects(
