@@ -140,7 +140,12 @@ def _list_orders(footprints: Sequence[Sequence[Footprint]]) -> list[Int]:
     longest = np.array([own[0].size.max() for own in footprints])
     random = np.random.default_rng(_SEED)
     shuffled = [area + random.normal(0, _AREA_NOISE * area.max(), len(area)) for _ in range(_RANDOM_ORDERS)]
-    return [np.argsort(-key, kind="stable") for key in (area, box, longest, *shuffled)]
+    orders: dict[tuple[int, ...], Int] = {}
+    for key in (area, box, longest, *shuffled):
+        order = np.argsort(-key, kind="stable")
+        # Orders that differ only in the numbers of copies give the same places.
+        orders.setdefault(tuple(id(footprints[part]) for part in order.tolist()), order)
+    return list(orders.values())
 
 
 def _read_places(
