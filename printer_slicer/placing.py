@@ -295,6 +295,8 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     begin = 0
     for mesh in meshes:
         own = mesh.objects or (PlateObject.of(mesh.name, mesh.bounds, 0, mesh.n_facets),)
+        if len(own) == 1:  # all facets belong to a single object, even after a repair
+            own = (replace(own[0], first=0, count=mesh.n_facets),)
         for item in own:
             volumes = Volumes.joined([item.volumes, mesh.volumes])
             items.append(replace(item.with_facets_before(begin), volumes=volumes))

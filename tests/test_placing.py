@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from parts import box, profile, sphere
 
 from printer_slicer.errors import PartError, UsageError
-from printer_slicer.model import Mesh
+from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.placing import Placement, join, place, transform
 
 PRINTER = profile().printer
@@ -165,3 +165,14 @@ def test_a_part_in_another_unit_is_refused_with_a_guess() -> None:
     assert "`scale=0.0024` would just fit" in caught.value.remedy
     assert '`units="mm"` makes the part 50.8 x 76.2 x 101.6 mm' in caught.value.remedy
     assert place(transform(large, scale=0.0024), PRINTER).n_facets == 12
+
+
+def test_a_single_object_that_is_joined_has_all_facets_of_its_mesh() -> None:
+    mesh = brick()
+    single = Mesh(mesh.triangles, "file", (PlateObject.of("object", mesh.bounds, 0, 0),))
+    both = join([single, single])
+
+    assert [(one.first, one.count) for one in both.objects] == [
+        (0, mesh.n_facets),
+        (mesh.n_facets, mesh.n_facets),
+    ]
