@@ -219,7 +219,8 @@ def _collect_parts(
             split = {path: split_separate_objects(one.mesh) for path, one in files.items()}
             parts = [part for path in arguments.models for part in split[path]]
         return [part for part in parts for _ in range(arguments.copies)], ""
-    overlaps = _describe_overlapping_files(arguments.models, parts)
+    is_placed = arguments.as_placed or arguments.center is not None
+    overlaps = _describe_overlapping_files(arguments.models, parts, _MOST_SHOWN if is_placed else 1)
     return parts, explain_arranging(arguments, parts, overlaps, printer) or None
 
 
@@ -349,15 +350,15 @@ def _list_floating_part_warnings(files: Mapping[Path, _LoadedFile], placement: P
     ]
 
 
-def _describe_overlapping_files(paths: Sequence[Path], meshes: Sequence[Mesh]) -> str:
-    """Describe which parts of different files overlap, and by how much; empty if none do."""
+def _describe_overlapping_files(paths: Sequence[Path], meshes: Sequence[Mesh], most: int) -> str:
+    """Describe the first overlaps of parts of different files, at most `most`; empty if there are none."""
     if len(meshes) < 2:
         return ""
     from printer_slicer.overlaps import find_overlaps
 
     names = [path.name for path in dict.fromkeys(paths)]
     called = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    return _describe_overlaps(find_overlaps(meshes), called)
+    return _describe_overlaps(find_overlaps(meshes), called, most)
 
 
 def _reject_overlapping_objects(files: Mapping[Path, _LoadedFile]) -> None:
@@ -378,15 +379,15 @@ def _reject_overlapping_objects(files: Mapping[Path, _LoadedFile]) -> None:
             )
 
 
-def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str]) -> str:
-    """Describe the first few overlaps of parts with these names; return an empty text if there are none."""
-    found = list(islice(overlaps, _MOST_SHOWN + 1))
+def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str], most: int = _MOST_SHOWN) -> str:
+    """Describe the first overlaps of parts with these names, at most `most`; return an empty text if there are none."""
+    found = list(islice(overlaps, most + 1))
     described = [
         f"{names[one.second]} overlaps {names[one.first]} by {one.width:.4g} x {one.depth:.4g} mm"
         + (f", the largest of {one.places} places" if one.places > 1 else "")
-        for one in found[:_MOST_SHOWN]
+        for one in found[:most]
     ]
-    return "; ".join([*described, *(["and more"] if len(found) > _MOST_SHOWN else [])])
+    return "; ".join([*described, *(["and more"] if len(found) > most else [])])
 
 
 def format_model_names(paths: Sequence[Path]) -> str:
