@@ -22,6 +22,7 @@ __all__ = [
     "ArrangedPlates",
     "arrange_models",
     "check_plate_number",
+    "count_fused_copies",
     "describe_other_plates",
     "explain_arranging",
     "get_gap",
@@ -68,6 +69,21 @@ def is_arranging_requested(arguments: argparse.Namespace) -> bool:
     """Return whether options ask for arranging: --arrange, --gap, or copies of a model."""
     has_copies = arguments.copies > 1 or len(set(arguments.models)) < len(arguments.models)
     return arguments.arrange or arguments.gap is not None or has_copies
+
+
+def count_fused_copies(arguments: argparse.Namespace) -> int:
+    """Return how many copies are printed of the part that --fuse makes of all models.
+
+    Raises:
+        UsageError: the models have different numbers of copies.
+    """
+    counts = Counter(arguments.models)
+    if len(set(counts.values())) > 1:
+        raise UsageError(
+            "--fuse: the models have different numbers of copies",
+            remedy="Give the same number for all, or use --copies N",
+        )
+    return int(arguments.copies * counts[arguments.models[0]])
 
 
 def reject_positions_with_copies(arguments: argparse.Namespace) -> None:

@@ -17,6 +17,7 @@ from printer_slicer.cli.arrange_models import (
     ArrangedPlates,
     arrange_models,
     check_plate_number,
+    count_fused_copies,
     describe_other_plates,
     explain_arranging,
     get_gap,
@@ -212,7 +213,8 @@ def _collect_parts(
     """
     parts = [files[path].mesh for path in arguments.models]
     if arguments.fuse:
-        fused = [join(parts)] * arguments.copies
+        count = count_fused_copies(arguments)
+        fused = [join([one.mesh for one in files.values()])] * count
         return fused, "" if is_arranging_requested(arguments) else None
     if is_arranging_requested(arguments):
         if arguments.arrange:

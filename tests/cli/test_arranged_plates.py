@@ -137,12 +137,23 @@ def test_copies_have_the_gap_that_is_given(tmp_path: Path) -> None:
         assert found["models"] == [{**found["models"][0], "file": str(path)}]
 
 
+def test_fused_models_are_copied_together(tmp_path: Path) -> None:
+    one, two = part(tmp_path, "one.stl", (20, 20, 3)), part(tmp_path, "two.stl", (30, 10, 3))
+
+    (twice,) = facts(typed("slice", f"{one}*2", f"{two}*2", "--fuse", "--json", *QUICK))
+    assert len(twice["parts"]) == 2
+    (kept,) = facts(typed("slice", one, two, "--fuse", "--json", *QUICK))
+    assert kept["parts"] == []
+    assert "different numbers of copies" in typed("slice", f"{one}*2", two, "--fuse", *QUICK).err
+
+
 def test_copies_may_have_a_common_centre(tmp_path: Path) -> None:
     path = part(tmp_path, "a.stl", (20, 20, 3))
-    output = tmp_path / "a.gcode"
+    flags = ("--copies", "2", "--center", "50,60", "-o", tmp_path / "a.svg", "--json")
 
-    assert typed("slice", path, "--copies", "2", "--center", "50,60", "-o", output, *QUICK).code == 0
-    assert "; objects" in output.read_text() or output.exists()
+    low, high = np.array(facts(typed("contours", path, *flags, *QUICK))[0]["bounds"])
+    assert ((low + high) / 2)[:2] == pytest.approx((50, 60))
+    assert max((high - low)[:2]) > 46
 
 
 def test_objects_of_a_project_are_arranged_one_by_one(tmp_path: Path) -> None:
