@@ -14,6 +14,7 @@ PyObject* cut_edges(PyObject*, PyObject* arguments);                // plane_sec
 PyObject* divide_pieces(PyObject*, PyObject* arguments);            // divide_pieces.cpp
 PyObject* facet_contacts(PyObject*, PyObject* arguments);           // contacts.cpp
 PyObject* facing_boxes(PyObject*, PyObject* arguments);             // facing.cpp
+PyObject* find_carried_samples(PyObject*, PyObject* arguments);     // bead_samples.cpp
 PyObject* find_cycles(PyObject*, PyObject* following);              // plane_sections.cpp
 PyObject* find_spikes(PyObject*, PyObject* arguments);              // spikes.cpp
 PyObject* find_unsupported_pieces(PyObject*, PyObject* arguments);  // height_map.cpp

@@ -19,6 +19,7 @@ PyMethodDef methods[] = {
     {"divide_pieces", divide_pieces, METH_VARARGS, "Divide the pieces of a medial axis; see kernel.py."},
     {"facet_contacts", facet_contacts, METH_VARARGS, "Find what can touch a ball; see kernel.py."},
     {"facing_boxes", facing_boxes, METH_VARARGS, "Find sides that face each other; see kernel.py."},
+    {"find_carried_samples", find_carried_samples, METH_VARARGS, "Find samples of beads that lie on others; see kernel.py."},
     {"find_cycles", find_cycles, METH_O, "Find the cycles of a permutation; see kernel.py."},
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
     {"find_unsupported_pieces", find_unsupported_pieces, METH_VARARGS, "Find unsupported extrusion; see kernel.py."},

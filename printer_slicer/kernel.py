@@ -171,6 +171,30 @@ class Kernel(Protocol):
             ValueError: a side does not have 11 numbers.
         """
 
+    def find_carried_samples(
+        self,
+        samples: tuple[Buffer, Buffer, Buffer, Buffer],
+        layer_start: Buffer,
+        kind: bytes,
+        size: tuple[int, int],
+        /,
+    ) -> bytes:
+        """Find the samples of beads that lie on beads of the layer below; see `printer_slicer.supports.bead_samples`.
+
+        Args:
+            samples: `x`, `y`, `across` and `bead` of `BeadSamples`.
+            layer_start: (S + 1,) int64, also of `BeadSamples`.
+            kind: (S,) uint8: 0 for layers without samples that count as equal to the layer below, 1 for those on the
+                bed, 2 for those that begin where the layer below ends, and 3 for others.
+            size: number of rows and columns of the grid.
+
+        Returns:
+            For each sample, 1 if it is carried, else 0, as uint8.
+
+        Raises:
+            ValueError: the arrays do not match, or an index is outside of its array.
+        """
+
     def find_cycles(self, following: memoryview, /) -> tuple[bytes, bytes] | None:
         """Find the cycles of a permutation (n,) of int64; see `printer_slicer.geometry.connectivity`.
 

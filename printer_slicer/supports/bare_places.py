@@ -234,7 +234,7 @@ def _find_suspects(beads: _Beads, points: Float, layer: Int) -> Bool:
         used[beads.paths.layer[beads.first[at] : beads.last[at]]] = True
     if not used[beads.paths.layer].any():
         return bare
-    samples = sample_beads(beads.paths, used, _CELL)
+    samples = sample_beads(beads.paths, used, _CELL, 0.9 * _CELL)
     grid, start = samples.grid, np.searchsorted(samples.path, np.arange(beads.paths.n_paths + 1))
     low = np.array([grid.x, grid.y])
     high = low + grid.cell * np.array([grid.n_columns, grid.n_rows])

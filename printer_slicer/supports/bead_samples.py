@@ -1,7 +1,7 @@
 """Find which stretches of the beads of supports lie on something, layer by layer from the bed upwards.
 
 Beads are sampled along their centre lines. A raster of cells holds what the beads of one layer cover. A sample of the
-layer above is carried if about half of its width lies over covered cells, over the part, or on the bed.
+layer above is carried if at least half of its width lies over covered cells, over the part, or on the bed.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.geometry import find_enclosing_rings
 from printer_slicer.geometry.raster import CellGrid, Float32
+from printer_slicer.kernel import load_kernel
 from printer_slicer.model import LayerPlan, Sections, Toolpaths
 from printer_slicer.values import Struct
 
@@ -28,13 +29,16 @@ __all__ = [
     "sample_beads",
 ]
 
-_CELL: Final = 0.2  # mm
-_STEP: Final = 0.9  # cells between samples along a bead; less than one, so that no cell below it is left out
+_CELL: Final = 0.1  # mm
+_STEP: Final = 0.18  # mm between samples along a bead
 _SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stand for its sides
-_SLACK: Final = 1 / 8  # widths from the middle up to which a bead may hang over an edge
+_SLACK: Final = 1 / 10  # widths from the middle up to which a bead may hang over an edge
 _BEYOND: Final = 1.5  # mm, margin of the grid
 _ROUNDING: Final = 1e-6  # mm
+_MOST_ABOVE: Final = 0.25  # mm above the gap, up to which supports lie on the part
 _BELOW: Final = 0.02  # mm; a bead lies on beads whose top is this little lower
+
+_SKIPPED, _ON_BED, _OVER_LAYER, _OVER_GAP = range(4)  # kinds of layers; kernel/bead_samples.cpp has the same
 
 _Int32 = NDArray[np.int32]
 
@@ -85,10 +89,12 @@ class BeadSamples(Struct, frozen=True, eq=False):
         return np.asarray(y.astype(np.int32) * np.int32(self.grid.n_columns) + x.astype(np.int32))
 
 
-def sample_beads(paths: Toolpaths, of_layers: Bool | None = None, cell: float = _CELL) -> BeadSamples:
+def sample_beads(
+    paths: Toolpaths, of_layers: Bool | None = None, cell: float = _CELL, step: float = _STEP
+) -> BeadSamples:
     """Return samples of all paths (at least one), or of those in the layers of a mask (S,).
 
-    Cells are `cell` mm wide.
+    Cells are `cell` mm wide, and samples at most `step` mm apart.
     """
     begin, end = paths.ends_of_beads
     path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
@@ -96,17 +102,17 @@ def sample_beads(paths: Toolpaths, of_layers: Bool | None = None, cell: float = 
     first = (paths.xy[begin] - (grid.x, grid.y)) / grid.cell
     way = (paths.xy[end] - paths.xy[begin]) / grid.cell
     length = np.hypot(*way.T)
-    count = np.maximum(np.ceil(length / _STEP), 1.0).astype(np.int64)
+    count = np.maximum(np.ceil(length * (cell / step)), 1.0).astype(np.int64)
     if of_layers is not None:
         count[~of_layers[paths.layer[path]]] = 0
     across = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
     across *= paths.width[begin][:, None] / grid.cell
     bead = np.repeat(np.arange(len(begin)), count)
     parts = np.maximum(count, 1)
-    step = (way / parts[:, None]).astype(np.float32)
+    each = (way / parts[:, None]).astype(np.float32)
     place = (first + way / (2 * parts)[:, None]).astype(np.float32)
     number = consecutive(np.zeros(len(count), np.int64), count).astype(np.float32)
-    x, y = (place[bead, axis] + number * step[bead, axis] for axis in range(2))
+    x, y = (place[bead, axis] + number * each[bead, axis] for axis in range(2))
     of_path = path[bead]
     return BeadSamples(
         grid,
@@ -148,20 +154,19 @@ class PartBelow(Struct, frozen=True, eq=False):
 
     @classmethod
     def of(cls, sections: Sections, layers: LayerPlan, gap: float) -> PartBelow:
-        """Find the layers of the part; supports end at most `gap` and one support layer above it."""
-        reach = gap + float(layers.height.max(initial=0.0)) + _ROUNDING
+        """Find the layers of the part; supports lie at most `gap` and 0.25 mm above it."""
+        reach = gap + _MOST_ABOVE + _ROUNDING
         top, bottom = sections.plan.top, layers.bottom
         first = np.searchsorted(top, bottom - reach)
         return cls(sections, first, np.searchsorted(top, bottom + _ROUNDING, side="right"))
 
     def carries(self, samples: BeadSamples, which: Int, layer: Int) -> Bool:
-        """Return which (k,) of some samples (k,) on support layers (k,), ascending, lie over the part."""
+        """Return which (k,) of some samples (k,) on support layers (k,), ascending, have half their width over it."""
         result = np.zeros(len(which), np.bool_)
         first, last = self.first[layer], self.last[layer]
         for step in range(int((last - first).max(initial=0))):
-            for aside in (0.0, -_SIDE, _SIDE):
-                left = np.flatnonzero(~result & (first + step < last))
-                result[left] = self._contains(samples.points(which[left], aside), first[left] + step)
+            left = np.flatnonzero(~result & (first + step < last))
+            result[left] = self._contains(samples.points(which[left]), first[left] + step)
         return result
 
     def _contains(self, points: Float, layer: Int) -> Bool:
@@ -179,15 +184,24 @@ def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:
 
     Layers with beads, but without samples, count as equal to the layer below, see `find_repeated_layers`.
     """
-    carried = np.zeros(samples.count, np.bool_)
-    covered, start = BeadMap(samples), samples.layer_start.tolist()
-    on_bed, gapless = _find_layers_on_bed(paths.plan), find_gapless_layers(paths.plan)
     is_empty = np.bincount(paths.layer, minlength=paths.plan.n_layers) == 0
-    for layer, (first, last) in enumerate(pairwise(start)):
-        some = slice(first, last)
-        if last == first and not is_empty[layer]:
+    kind = np.where(find_gapless_layers(paths.plan), _OVER_LAYER, _OVER_GAP)
+    kind[_find_layers_on_bed(paths.plan)] = _ON_BED
+    kind[(np.diff(samples.layer_start) == 0) & ~is_empty] = _SKIPPED
+    kernel = load_kernel()
+    if kernel:
+        arrays = samples.x.data, samples.y.data, samples.across.data, samples.bead.data
+        size = samples.grid.n_rows, samples.grid.n_columns
+        found = kernel.find_carried_samples(
+            arrays, samples.layer_start.data, kind.astype(np.uint8).tobytes(), size
+        )
+        return np.frombuffer(found, np.bool_).copy()
+    carried, covered = np.zeros(samples.count, np.bool_), BeadMap(samples)
+    for layer, (first, last) in enumerate(pairwise(samples.layer_start.tolist())):
+        if kind[layer] == _SKIPPED:
             continue
-        carried[some] = True if on_bed[layer] else gapless[layer] and covered.carries(some)
+        some = slice(first, last)
+        carried[some] = kind[layer] == _ON_BED or (kind[layer] == _OVER_LAYER and covered.carries(some))
         covered.mark(some)
     return carried
 
@@ -212,18 +226,28 @@ class BeadMap:
     def __init__(self, samples: BeadSamples) -> None:
         self._samples = samples
         self.covered = np.zeros(samples.grid.n_cells, np.bool_)
-        self._marked: list[_Int32] = []
+        self._marked = np.zeros(0, np.int64)
 
     def mark(self, some: slice | Int) -> None:
-        """Mark what the beads of some samples cover, and nothing else."""
-        for cells in self._marked:
-            self.covered[cells] = False
-        self._marked = [self._samples.cells(some, aside) for aside in (0.0, -_SIDE, _SIDE)]
-        for cells in self._marked:
-            self.covered[cells] = True
+        """Mark the cells whose middles lie within half a width of some samples, and nothing else."""
+        self.covered[self._marked] = False
+        samples, grid = self._samples, self._samples.grid
+        x, y = samples.x[some].astype(np.float64), samples.y[some].astype(np.float64)
+        across = samples.across[samples.bead[some]].astype(np.float64)
+        square = (across[:, 0] ** 2 + across[:, 1] ** 2) / 4
+        radius = np.sqrt(square)
+        low = np.maximum(np.ceil(y - radius - 0.5), 0).astype(np.int64)
+        high = np.minimum(np.floor(y + radius - 0.5), grid.n_rows - 1).astype(np.int64)
+        count = np.maximum(high - low + 1, 0)
+        of, row = np.repeat(np.arange(len(x)), count), consecutive(low, count)
+        half = np.sqrt(np.maximum(square[of] - (row + 0.5 - y[of]) ** 2, 0.0))
+        first = np.maximum(np.ceil(x[of] - half - 0.5), 0).astype(np.int64)
+        last = np.minimum(np.floor(x[of] + half - 0.5), grid.n_columns - 1).astype(np.int64)
+        self._marked = consecutive(row * grid.n_columns + first, np.maximum(last - first + 1, 0))
+        self.covered[self._marked] = True
 
     def carries(self, some: slice) -> Bool:
-        """Return which (k,) of some samples lie on the marked beads with about half of their width."""
+        """Return which (k,) of some samples lie on the marked beads with at least half of their width."""
         carried = self.covered[self._samples.cells(some)]
         for asides, enough in (((-_SLACK, _SLACK), np.logical_or), ((-_SIDE, _SIDE), np.logical_and)):
             left = np.flatnonzero(~carried)

@@ -29,6 +29,7 @@ _RESTS: Final = 0.3  # of longer ends and turns, the length at each carried side
 _STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
 _LEAST_OF_LOOP: Final = 1 / 3  # of its length that must be carried
 _LEAST_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
+_LEAST_CARRIED: Final = 0.3  # mm of short lines that must be carried
 _LARGE_LOOP: Final = 6.0  # mm, length of loops that may lie across the lines of the first layer
 _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
@@ -116,7 +117,8 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
     # Large loops of the second layer may lie across the lines of the first one.
     across = (paths.layer[numbers] <= 1) & (whole > _LARGE_LOOP)
     is_loop = paths.closed[numbers] & (paths.role[numbers] == Role.SUPPORT) & ~across
-    little = part < np.where(is_loop, _LEAST_OF_LOOP, _LEAST_OF_LINE) * whole
+    least = np.maximum(_LEAST_OF_LINE * whole, np.minimum(_LEAST_CARRIED, whole / 2))
+    little = part < np.where(is_loop, _LEAST_OF_LOOP * whole, least)
     return np.asarray(little[path - low])
 
 

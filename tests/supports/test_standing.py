@@ -11,15 +11,17 @@ import pytest
 from printer_slicer.arrays import Float, consecutive
 from printer_slicer.geometry import depths, find_enclosing_rings
 from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.kernel import VARIABLE, load_kernel
 from printer_slicer.model import Areas, LayerPlan, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.supports.bead_samples import sample_beads
+from printer_slicer.supports.bead_samples import find_carried, sample_beads
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.hanging_beads import keep_samples
 from printer_slicer.supports.standing import check_standing
 from printer_slicer.supports.styles import STYLES, measure_plastic
 from printer_slicer.values import replace
+from tests.kernels import needs_kernel
 from tests.parts import plain
 from tests.supports.by_hand import overhangs_of, support_plan
 from tests.supports.by_stages import prepared
@@ -37,7 +39,7 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
 }
 STYLE_NAMES = list(STYLES)
 STEP = 0.2  # mm
-ACCURACY = 0.3  # mm, diagonal of the cells of the raster by which the check decides
+ACCURACY = 0.2  # mm, diagonal of the cells of the raster, and a tenth of the width
 
 
 @cache
@@ -243,3 +245,63 @@ def test_the_rest_of_a_cut_loop_is_one_line() -> None:
     assert line.length().sum() == pytest.approx(38.0, abs=0.5)
     assert line.length().sum() == pytest.approx(samples.length[kept].sum())
     assert len(line.xy) == 6
+
+
+def two_lines(y: float, shift: float) -> Toolpaths:
+    """A line along x on the bed, and one on top of it that lies `shift` mm beside it."""
+    return Toolpaths.gathered(
+        LayerPlan.from_tops(np.array([0.2, 0.4])),
+        xy=np.array([(0.0, y), (20.0, y), (0.0, y + shift), (20.0, y + shift)]),
+        size=np.array([2, 2]),
+        layer=np.array([0, 1]),
+        role=np.full(2, Role.SUPPORT),
+        width=np.full(2, 0.45),
+        closed=False,
+    )
+
+
+@pytest.mark.parametrize("y", [0.0, 0.03, 0.07, 0.1, 0.15])
+@pytest.mark.parametrize(("shift", "lies"), [(0.15, True), (-0.15, True), (0.35, False), (-0.35, False)])
+def test_half_of_the_width_must_lie_on_something(y: float, shift: float, lies: bool) -> None:
+    paths = two_lines(y, shift)
+    samples = sample_beads(paths)
+
+    carried = find_carried(samples, paths)
+
+    assert carried[samples.path == 0].all()
+    assert (carried[samples.path == 1] == lies).all()
+
+
+@needs_kernel
+@pytest.mark.parametrize(("name", "style"), [("tee", "tree"), ("sphere", "columns")])
+def test_the_kernel_finds_the_same_samples(name: str, style: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = made(name, style)[1]
+    samples = sample_beads(paths)
+    found = {}
+    for choice in ("required", "off"):
+        monkeypatch.setenv(VARIABLE, choice)
+        found[choice] = find_carried(samples, paths)
+
+    assert 0.5 < found["off"].mean() < 1
+    assert (found["required"] == found["off"]).all()
+
+
+@needs_kernel
+def test_wrong_samples_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+    xy, across = np.zeros(2, np.float32), np.ones((1, 2), np.float32)
+    good = (xy, xy, across, np.zeros(2, np.int64)), np.array([0, 2]), b"\1", (9, 9)
+
+    assert kernel.find_carried_samples(*good) == b"\1\1"
+    wrong = [
+        ((xy, xy[:1], across, good[0][3]), *good[1:]),
+        ((xy, xy, across, np.array([0, 1])), *good[1:]),
+        (good[0], np.array([0, 3]), *good[2:]),
+        (good[0], np.array([1, 0]), *good[2:]),
+        (*good[:3], (0, 9)),
+    ]
+    for arguments in wrong:
+        with pytest.raises(ValueError, match=r"sample|grid"):
+            kernel.find_carried_samples(*arguments)
