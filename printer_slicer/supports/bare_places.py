@@ -18,7 +18,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.supports.bead_samples import sample_beads
 from printer_slicer.values import Struct, replace
 
-__all__ = ["NO_WAY", "BareReasons", "list_bare_places"]
+__all__ = ["NO_WAY", "BarePoints", "BareReasons", "find_bare_groups", "list_bare_places"]
 
 _ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries what hangs
 _DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
@@ -113,7 +113,7 @@ class _Beads(Struct, frozen=True, eq=False):
         return np.array([distance_to_segments(point, begin, end).min() for point in points])
 
 
-class _BarePoints(Struct, frozen=True, eq=False):
+class BarePoints(Struct, frozen=True, eq=False):
     """Points of what hangs without a bead near them.
 
     Attributes:
@@ -128,9 +128,9 @@ class _BarePoints(Struct, frozen=True, eq=False):
     area: Float
     island: Bool
 
-    def take(self, which: Int) -> _BarePoints:
+    def take(self, which: Int) -> BarePoints:
         """Return the points with these indices (k,)."""
-        return _BarePoints(self.xy[which], self.layer[which], self.area[which], self.island[which])
+        return BarePoints(self.xy[which], self.layer[which], self.area[which], self.island[which])
 
 
 def list_bare_places(
@@ -147,19 +147,10 @@ def list_bare_places(
         profile: gaps of supports, and the extrusion width.
         reasons: why supports are missing.
     """
-    quality = profile.quality
-    # The bed itself carries what is as near to it as to a support.
-    over_bed = overhangs.plan.bottom <= quality.support_gap + quality.support_gap_slack + _ROUNDING
-    overhangs = _leave_out(overhangs, over_bed)
+    overhangs = _leave_out_bed(overhangs, profile)
     beads = _Beads.of(paths, overhangs, profile)
     points = _join(_find_bare_points(overhangs, beads), _find_bare_islands(overhangs, beads))
-    group = _group_points(points)
-    order = np.argsort(group, kind="stable")
-    found = [
-        _describe(points.take(which), overhangs, beads, sections, reasons)
-        for which in np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
-        if len(which)
-    ]
+    found = [_describe(one, overhangs, beads, sections, reasons) for one in _split_into_groups(points)]
     width = profile.extrusion_width
     listed = [
         place for place in found if place.is_island or (place.area >= _LEAST and place.free_distance > width)
@@ -167,8 +158,24 @@ def list_bare_places(
     return tuple(sorted(listed, key=lambda place: (not place.is_island, -place.area, place.z)))
 
 
-def _leave_out(overhangs: Overhangs, layers: Bool) -> Overhangs:
-    """Return what hangs without some layers, a mask (L,)."""
+def find_bare_groups(overhangs: Overhangs, paths: Toolpaths, profile: Profile) -> list[BarePoints]:
+    """Return the points of each place that `list_bare_places` would list, but without islands, also of small places."""
+    overhangs = _leave_out_bed(overhangs, profile)
+    return _split_into_groups(_find_bare_points(overhangs, _Beads.of(paths, overhangs, profile)))
+
+
+def _split_into_groups(points: BarePoints) -> list[BarePoints]:
+    """Return the points of each place."""
+    group = _group_points(points)
+    order = np.argsort(group, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    return [points.take(which) for which in parts if len(which)]
+
+
+def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
+    """Return what hangs without what the bed itself carries, because it is as near to it as to a support."""
+    quality = profile.quality
+    layers = overhangs.plan.bottom <= quality.support_gap + quality.support_gap_slack + _ROUNDING
     if not layers[overhangs.area.ring_layer].any():
         return overhangs
     kept = ~layers
@@ -180,7 +187,7 @@ def _leave_out(overhangs: Overhangs, layers: Bool) -> Overhangs:
     )
 
 
-def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> _BarePoints:
+def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> BarePoints:
     """Return the bare points; coarse points on a raster tell first which patches have any."""
     hanging = overhangs.area
     points, layer, _ = _sample_areas(hanging, _CELL)
@@ -196,7 +203,7 @@ def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> _BarePoints:
     )
     which = _select_beside(fine, points[found])
     bare = which[~beads.are_near(fine[which], layer[which], _ASIDE)]
-    return _BarePoints(fine[bare], layer[bare], area[bare], np.zeros(len(bare), np.bool_))
+    return BarePoints(fine[bare], layer[bare], area[bare], np.zeros(len(bare), np.bool_))
 
 
 def _select_beside(points: Float, others: Float) -> Int:
@@ -248,7 +255,7 @@ def _find_suspects(beads: _Beads, points: Float, layer: Int) -> Bool:
     return bare
 
 
-def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> _BarePoints:
+def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> BarePoints:
     """Return the corners of islands to which no bead comes near."""
     islands = overhangs.islands
     pieces = split_connected(islands)
@@ -261,17 +268,17 @@ def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> _BarePoints:
     left = np.flatnonzero(~carried[areas.point_layer])
     share = areas.area() / np.maximum(np.bincount(areas.point_layer, minlength=pieces.count), 1)
     of = areas.point_layer[left]
-    return _BarePoints(areas.xy[left], pieces.layer[of], share[of], np.ones(len(left), np.bool_))
+    return BarePoints(areas.xy[left], pieces.layer[of], share[of], np.ones(len(left), np.bool_))
 
 
-def _join(one: _BarePoints, other: _BarePoints) -> _BarePoints:
+def _join(one: BarePoints, other: BarePoints) -> BarePoints:
     """Return the points of both."""
-    return _BarePoints(
+    return BarePoints(
         *(np.concatenate([getattr(part, name) for part in (one, other)]) for name in one.__struct_fields__)
     )
 
 
-def _group_points(points: _BarePoints) -> Int:
+def _group_points(points: BarePoints) -> Int:
     """Return the group (n,) of each point: those that are near each other, in the same or neighbouring layers."""
     if not len(points.layer):
         return np.zeros(0, np.int64)
@@ -291,7 +298,7 @@ def _group_points(points: _BarePoints) -> Int:
 
 
 def _describe(
-    points: _BarePoints, overhangs: Overhangs, beads: _Beads, sections: Sections, reasons: BareReasons
+    points: BarePoints, overhangs: Overhangs, beads: _Beads, sections: Sections, reasons: BareReasons
 ) -> Bare:
     """Return one group of points (n,) as a place."""
     low = int(points.layer.min())

@@ -14,6 +14,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.supports.bare_places import BareReasons, list_bare_places
 from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.edge_rows import add_edge_rows
 from printer_slicer.supports.groups import PatchGroups, group_patches
 from printer_slicer.supports.levels import list_places_without_room
 from printer_slicer.supports.stacking import make_obstacles
@@ -108,7 +109,10 @@ def _make(
 ) -> PrintedSupports:
     """Return supports of one style."""
     supports = STYLES[style](overhangs, plan, sections, profile)
-    return PrintedSupports(supports, lay_support_beads(supports, profile))
+    paths = lay_support_beads(supports, profile)
+    if not supports.hollow.n_rings:
+        paths = add_edge_rows(supports, paths, overhangs, profile)
+    return PrintedSupports(supports, paths)
 
 
 def _choose_styles(
