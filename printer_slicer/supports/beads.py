@@ -75,19 +75,20 @@ def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
         layers.height,
     )
     widths = _Widths(line, bead.spacing(line, layers.height))
+    slim = find_slim_columns(supports, profile.quality.support_spacing, widths.line)
     return Toolpaths.joined(
         layers,
         [
-            *_lay_base(supports, widths, profile),
+            *_lay_base(supports, slim, widths, profile),
             *_lay_branches(supports, widths),
             _lay_joists(supports, widths),
-            _lay_closed(*_trim_interface(supports, widths, profile), widths, layers, profile),
+            _lay_closed(*_trim_interface(supports, slim, widths, profile), widths, layers, profile),
             _lay_floors(supports.floor, widths, layers, profile),
         ],
     )
 
 
-def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Toolpaths]:
+def _lay_base(supports: Supports, slim: Areas, widths: _Widths, profile: Profile) -> list[Toolpaths]:
     """Return the loops and the lines of the base, without branches.
 
     The first layer has one loop at least. Above it there are loops around slim columns, which lines alone would not
@@ -95,7 +96,6 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
     """
     quality, layers = profile.quality, supports.plan.layers
     area = difference(supports.base, supports.hollow) if supports.hollow.n_rings else supports.base
-    slim = find_slim_columns(supports, quality.support_spacing, widths.line)
     is_first = np.arange(layers.n_layers) == 0
     paths, inner, filled = [], offset(area, -widths.line / 2), area
     for number in range(max(quality.support_walls, 1)):
@@ -116,7 +116,9 @@ def _lay_base(supports: Supports, widths: _Widths, profile: Profile) -> list[Too
     return [*paths, _join_lines(layers, lines, (area, pieces.layer), widths, (spacing, Role.SUPPORT))]
 
 
-def _trim_interface(supports: Supports, widths: _Widths, profile: Profile) -> tuple[Areas, Float]:
+def _trim_interface(
+    supports: Supports, slim: Areas, widths: _Widths, profile: Profile
+) -> tuple[Areas, Float]:
     """Return the interface without what reaches too far beyond the rows of columns, and the angle of its rings (R,).
 
     Roofs of trees end at their joists.
@@ -134,8 +136,7 @@ def _trim_interface(supports: Supports, widths: _Widths, profile: Profile) -> tu
     near = stroke_lines(ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _LONGEST_END, n)
     between = max(_WIDEST_GAP * spacing / 2 - _LONGEST_END, 0.0)
     near = _close_across(near, between)  # what lies between two rows is carried by both
-    slim = find_slim_columns(supports, spacing, widths.line).of_layers(interface.used)
-    trimmed = intersection(interface, union(near, slim))
+    trimmed = intersection(interface, union(near, slim.of_layers(interface.used)))
     return trimmed, np.full(trimmed.n_rings, np.nan)
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, distinct
+from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
     depths,
@@ -66,14 +66,20 @@ def _drop_hanging(slim: Areas, base: Areas, width: Float) -> Areas:
     whole = np.bincount(loops.point_layer, length, pieces.count)
     over = np.full(len(point), -1)
     over[layer > 0] = find_enclosing_rings(base, point[layer > 0], layer[layer > 0] - 1)
-    kept = np.ones(pieces.count, np.bool_)
-    for one in distinct(pieces.layer)[distinct(pieces.layer) > 0]:
-        below = loops.select((kept & (pieces.layer == one - 1))[loops.ring_layer])
-        below = below.on_layers(np.zeros(pieces.count, np.int64), 1)
-        own = np.flatnonzero((layer == one) & (over >= 0))
-        far = np.isnan(depths(below, point[own], np.zeros(len(own), np.int64), float(width[one]) / 2))
+    reach = float(width[1:].max(initial=0.1)) / 2
+    kept, tested = np.ones(pieces.count, np.bool_), np.ones(slim.n_layers + 1, np.bool_)
+    while True:
+        below = loops.select(kept[loops.ring_layer]).on_layers(pieces.layer + 1, slim.n_layers + 1)
+        own = np.flatnonzero((over >= 0) & tested[layer])
+        away = np.abs(depths(below, point[own], layer[own], reach))
+        far = ~(away <= width[layer[own]] / 2)
         hanging = np.bincount(loops.point_layer[own], length[own] * far, pieces.count)
-        kept &= hanging <= np.maximum(_LONGEST_HANGING, _MOST_HANGING * whole)
+        lost = kept & (hanging > np.maximum(_LONGEST_HANGING, _MOST_HANGING * whole))
+        if not lost.any():
+            break
+        # What lay on these pieces hangs, too.
+        kept &= ~lost
+        tested = np.isin(np.arange(slim.n_layers + 1), pieces.layer[lost] + 1)
     return pieces.on_layers(slim.n_layers, np.flatnonzero(kept))
 
 
