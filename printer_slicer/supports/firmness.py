@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
-from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected
+from printer_slicer.geometry import Areas, find_enclosing_rings, normalize, split_connected
 from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.model import Sections, Supports
 from printer_slicer.values import Struct
@@ -106,7 +106,7 @@ def _ring_boxes(areas: Areas) -> tuple[Float, Float]:
 
 def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
     """Find pieces of supports on the bed that are higher than 3 mm and than 15 times the square root of their foot."""
-    feet = split_connected(supports.area.of_layers(np.arange(1)))
+    feet = split_connected(normalize(supports.area.of_layers(np.arange(1))))
     if not feet.count:
         return ()
     if len(supports.branches):
@@ -119,7 +119,10 @@ def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
     owner = np.append(feet.areas.ring_layer, -1)[ring]
     height = np.zeros(feet.count)
     np.maximum.at(height, owner[owner >= 0], top[owner >= 0])
-    area, (low, high) = feet.areas.area(), feet.areas.boxes()
+    area, (low, high) = (
+        np.maximum(feet.areas.area(), 0.0),
+        feet.areas.boxes(),
+    )  # rests of outlines may turn inward
     slim = np.flatnonzero((height > _LOWEST) & (height > _SLIMMEST * np.sqrt(area)) & (area > 0))
     middle = (low + high) / 2
     return tuple(

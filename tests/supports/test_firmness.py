@@ -74,3 +74,16 @@ def test_the_foot_decides() -> None:
 
 def test_a_low_piece_is_not_slim_on_the_smallest_foot() -> None:
     assert not find_slim_pieces(block(0.01, 10))
+
+
+@pytest.mark.filterwarnings("error")
+def test_feet_count_as_a_whole_where_an_interface_fills_a_hole() -> None:
+    whole = block(2.0, 160)
+    square = whole.base.ring(0)
+    hole, filling = 1.0 + 0.4 * (square[::-1] - 1.0), 1.0 + 0.40001 * (square - 1.0)
+    base, interface = Areas.from_rings([[square, hole]] * 160), Areas.from_rings([[filling]] * 160)
+    none = Areas.empty(160)
+
+    (piece,) = find_slim_pieces(Supports(whole.plan, base, interface, none, none, none))
+
+    assert piece.foot == pytest.approx(4.0)
