@@ -12,6 +12,7 @@ from printer_slicer.geometry.connected_areas import ConnectedAreas, split_connec
 from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
     difference,
+    fits_circle,
     intersection,
     normalize,
     offset,
@@ -49,6 +50,7 @@ __all__ = [
     "depths",
     "difference",
     "find_enclosing_rings",
+    "fits_circle",
     "hatch",
     "hatch_evenly",
     "intersection",

@@ -27,6 +27,7 @@ from printer_slicer.kernel import load_kernel
 
 __all__ = [
     "difference",
+    "fits_circle",
     "intersection",
     "load_engine",
     "normalize",
@@ -188,6 +189,20 @@ def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMI
     engine, some = _current_engine(), distinct(areas.ring_layer)
     layers = engine.load(_pick_layers(areas, some))
     return _restore_layers(engine.store(engine.offset_open(layers, by[some], limit)), some, areas.n_layers)
+
+
+def fits_circle(areas: Areas, radius: float) -> Bool:
+    """Return a mask (n_layers,) of layers into which a circle fits.
+
+    Args:
+        areas: clean areas.
+        radius: of the circle, mm, greater than 0.
+    """
+    low, high = areas.boxes()
+    some = np.flatnonzero((high - low >= 2 * _ROUNDING * radius).all(axis=1))
+    result = np.zeros(areas.n_layers, np.bool_)
+    result[some] = offset(areas.copy_layers(some), -radius).used
+    return result
 
 
 def stroke_lines(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:

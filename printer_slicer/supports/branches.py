@@ -9,6 +9,7 @@ from printer_slicer.geometry import (
     Areas,
     depths,
     find_enclosing_rings,
+    fits_circle,
     normalize,
     offset,
     split_connected,
@@ -121,7 +122,7 @@ def find_second_loops(hollow: Areas, inset: Float, width: float) -> Areas:
         width: of the loops, mm.
     """
     pieces = split_connected(hollow)
-    is_thick = offset(pieces.areas, -_THICK).used
+    is_thick = fits_circle(pieces.areas, _THICK)
     loops = offset(pieces.on_layers(hollow.n_layers, np.flatnonzero(is_thick)), -inset)
     begins = loops.ring_layer == 0
     ring, below = _find_continued_rings(loops, width / 2)

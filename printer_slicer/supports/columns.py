@@ -12,6 +12,7 @@ from printer_slicer.arrays import Float, consecutive, distinct
 from printer_slicer.geometry import (
     Areas,
     difference,
+    fits_circle,
     intersection,
     normalize,
     offset,
@@ -210,7 +211,7 @@ def _widen(column: _Column, z: float) -> bool:
         return False
     step, column.z = column.z - z, z
     pieces = split_connected(column.area)
-    slim = ~offset(pieces.areas, -min(z / _SLIMMEST, _WIDE) / 2).used
+    slim = ~fits_circle(pieces.areas, min(z / _SLIMMEST, _WIDE) / 2)
     if not slim.any():
         return False
     wider = offset(pieces.on_layers(1, np.flatnonzero(slim)), step * _WIDENING)

@@ -13,8 +13,8 @@ from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
     difference,
+    fits_circle,
     intersection,
-    offset,
     split_connected,
 )
 from printer_slicer.supports.pieces import EDGE, find_overlaps
@@ -45,7 +45,7 @@ def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: f
     rest = intersection(pieces.areas, pieces.select_nearby_rings(below))
     shared, size = rest.area(), pieces.areas.area()
     begins = shared <= EDGE * pieces.areas.length()
-    slim = ~offset(rest, -width).used & (size <= _LARGEST_TAIL * width**2)
+    slim = ~fits_circle(rest, width) & (size <= _LARGEST_TAIL * width**2)
     tails = ~begins & slim & (shared < _ATTACHED * size)
     if tails.any() and begins.any():
         tails &= ~_find_carried(solid, pieces, begins)

@@ -13,6 +13,7 @@ from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
     difference,
+    fits_circle,
     intersection,
     normalize,
     offset,
@@ -113,5 +114,5 @@ def _stack(areas: Areas, which: Int, entry: Int, n_entries: int) -> Areas:
 def _mark_large(united: Areas, quality: Quality) -> Bool:
     """Return a mask of the patches (n,), grown by a seam, that are neither too small nor too narrow."""
     area = united.area() - _SEAM * united.length()
-    wide = offset(united, -(quality.support_min_reach + _SEAM)).used
+    wide = fits_circle(united, quality.support_min_reach + _SEAM)
     return wide & (area >= quality.support_min_area)

@@ -11,6 +11,7 @@ from printer_slicer.geometry import (
     Areas,
     depths,
     find_enclosing_rings,
+    fits_circle,
     intersection,
     normalize,
     offset,
@@ -44,12 +45,12 @@ def find_slim_columns(supports: Supports, spacing: float, width: Float) -> Areas
         width: (S,) extrusion width, mm.
     """
     layers, n_layers = supports.plan.layers, supports.plan.layers.n_layers
-    columns = normalize(supports.base.merge(supports.interface).merge(supports.floor))
     if supports.hollow.n_rings:
-        columns = columns.of_layers(np.zeros(n_layers, np.bool_))
+        return Areas.empty(n_layers)
+    columns = normalize(supports.base.merge(supports.interface).merge(supports.floor))
     first = columns.find_first_equal_layers()
     pieces = split_connected(columns)
-    slim = np.flatnonzero(~offset(pieces.areas, -_SLIM_RATIO * spacing / 2).used)
+    slim = np.flatnonzero(~fits_circle(pieces.areas, _SLIM_RATIO * spacing / 2))
     narrow = pieces.on_layers(n_layers, slim)
     # The first layer is wider because of the foot.
     low = np.maximum(np.searchsorted(layers.top, layers.top - _SLIM_HEIGHT), min(1, n_layers - 1))

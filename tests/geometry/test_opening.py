@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry import Areas, intersection, normalize, offset, offset_open
+from printer_slicer.geometry import Areas, fits_circle, intersection, normalize, offset, offset_open
 from printer_slicer.geometry.engine import using_engine
 from tests.geometry.test_engine import engines, is_clean, is_within
 from tests.strategies import box, clean_areas
@@ -68,3 +68,12 @@ def test_a_small_ring_with_a_hole_is_dropped_whole(engine: str) -> None:
         opened = offset_open(Areas.from_rings([ring]), 0.6)
 
     assert not opened.n_rings
+
+
+@engines
+@given(stack=clean_areas(3), distance=st.integers(1, 24))
+def test_circles_fit_where_something_is_left_after_shrinking(
+    engine: str, stack: Areas, distance: int
+) -> None:
+    with using_engine(engine):
+        assert (fits_circle(stack, distance / 8) == offset(stack, -distance / 8).used).all()
