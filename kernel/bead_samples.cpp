@@ -10,7 +10,7 @@ namespace {
 
 // As in bead_samples.py.
 constexpr float SIDE = 1.0 / 3.0;  // widths from the middle of a bead to the points that stand for its sides
-constexpr float SLACK = 1.0 / 10.0;  // widths from the middle up to which a bead may hang over an edge
+constexpr float SLACK = 1.0 / 30.0;  // widths from the middle up to which a bead may hang over an edge
 
 enum Kind : char { SKIPPED, ON_BED, OVER_LAYER, OVER_GAP };
 

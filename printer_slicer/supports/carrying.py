@@ -28,6 +28,9 @@ from printer_slicer.values import Struct
 __all__ = ["CarryingColumns", "carry_beads", "find_contact_areas", "find_needed_paths"]
 
 _REACH: Final = 1.0  # mm sideways from a bead to what it carries
+_REACH_OF_WALLS: Final = (
+    0.9  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
+)
 _THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
@@ -136,7 +139,7 @@ def carry_beads(
 
 
 def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:
-    """Return the areas of hanging stretches, twice as wide as their beads, by layer."""
+    """Return the areas of hanging stretches, about twice as wide as their beads, by layer."""
     which = np.flatnonzero(hanging)
     begins = np.append(True, (np.diff(which) != 1) | (np.diff(samples.path[which]) != 0))
     # A single sample is a short line.
@@ -145,8 +148,8 @@ def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Ar
     points = samples.points(again) + half
     start = np.append(2 * np.flatnonzero(begins), 2 * len(which))
     of_run = samples.path[which[begins]]
-    width = paths.width[paths.start[of_run]]
-    return stroke_lines(points, start, paths.layer[of_run], width, paths.plan.n_layers)
+    reach = _REACH_OF_WALLS * paths.width[paths.start[of_run]]
+    return stroke_lines(points, start, paths.layer[of_run], reach, paths.plan.n_layers)
 
 
 def _measure_ways(samples: BeadSamples, which: Int) -> Float:

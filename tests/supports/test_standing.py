@@ -39,7 +39,7 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
 }
 STYLE_NAMES = list(STYLES)
 STEP = 0.2  # mm
-ACCURACY = 0.2  # mm, diagonal of the cells of the raster, and a tenth of the width
+ACCURACY = 0.2  # mm, diagonal of the cells of the raster by which the check decides, and some rounding
 
 
 @cache
