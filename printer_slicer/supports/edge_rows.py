@@ -24,7 +24,6 @@ _LEAST: Final = 1.0  # mm² of a bare place that gets a row
 _ASIDE: Final = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)  # mm from the middle of a bare place to its row
 _LONGER_BY: Final = 1.2  # times the length in all layers near the place, by which another row is better
 _BELOW: Final = 0.5  # mm below the lowest contact, where a row is near enough
-_LONGER: Final = 0.5  # mm, the same at both ends of a bare place
 _SHORTEST: Final = 2.0  # widths; shorter rows are left out
 _FAR: Final = 1e4  # mm between the rows of a hatch, so that it has only one
 
@@ -64,7 +63,7 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
 
 def _make_row(group: BarePoints, room: Areas, supports: Supports, shortest: float) -> tuple[Float, Int]:
     """Return the lines (n, 2, 2) of the row below a bare place, in all layers of its column, and their layers (n,)."""
-    (left, low), (right, high) = group.xy.min(axis=0) - _LONGER, group.xy.max(axis=0) + _LONGER
+    (left, low), (right, high) = group.xy.min(axis=0), group.xy.max(axis=0)
     carrier, tops = supports.plan.carrier[group.layer], supports.plan.layers.top
     first = int(np.searchsorted(tops, tops[carrier.min()] - _BELOW))
     last, ends = int(carrier.max()), (float(left), float(right))
