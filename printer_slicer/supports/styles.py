@@ -124,8 +124,8 @@ def _choose_styles(
 ) -> PrintedSupports:
     """Return the cheapest of columns, trees, and both: columns for some groups, and trees that avoid them.
 
-    Trees are first grown for all groups in which they may be cheaper, then only where they were. Groups get trees, too,
-    if places are bare because their columns did not stand, and less is bare with trees.
+    Trees are first grown for all groups in which they may be cheaper, then only where they were. Groups in which places
+    are bare because their supports did not stand, or did not come near enough, get the other style if that costs less.
     """
     columns = _make("columns", overhangs, plan, sections, profile)
     groups = group_patches(overhangs, columns.supports)
@@ -146,9 +146,11 @@ def _choose_styles(
         gets_tree &= found < cost
     printed = _keep_what_stands(best, *case)
     lost = price.of_bare(printed) > price.of_bare(*best)
-    if not (lost & ~has_tree).any():
+    if not lost.any():
         return printed
-    other = _keep_what_stands(_make_both((lost | has_tree)[groups.of_patch], *case), *case)
+    gets_tree = has_tree ^ lost
+    made = _make_both(gets_tree[groups.of_patch], *case) if gets_tree.any() else [columns]
+    other = _keep_what_stands(made, *case)
     return min(printed, other, key=lambda one: float(price.of(one).sum()))
 
 

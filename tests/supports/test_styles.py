@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +12,15 @@ from benchmarks.support_parts import turned
 from printer_slicer.cli.support_facts import collect_support_facts
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.geometry import intersection, normalize, offset
-from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Toolpaths
+from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.ordering import order
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
 from printer_slicer.supports.groups import group_patches
-from printer_slicer.supports.styles import PrintedSupports, make_supports, measure_plastic
+from printer_slicer.supports.styles import STYLES, PrintedSupports, make_supports, measure_plastic
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
+from printer_slicer.supports.trees import grow_trees
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 from tests.parts import box, joined
@@ -82,6 +84,22 @@ def test_groups_whose_columns_do_not_stand_get_trees() -> None:
 
     assert bare_area("columns") > 20
     assert bare_area("auto") < 3
+
+
+def test_groups_that_trees_do_not_reach_get_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    overhangs, plan, sections, profile = prepared(tee(), support="auto")
+
+    def grow_one(given: Overhangs, *rest: Any) -> Supports:
+        return grow_trees(given.take_patches(np.arange(given.n_patches) == 0), *rest)
+
+    monkeypatch.setitem(STYLES, "tree", grow_one)
+
+    found = make_supports(overhangs, plan, sections, profile, measure_group_times).supports
+
+    assert overhangs.n_patches == 2
+    assert found.bare == ()
+    assert found.hollow.n_rings
+    assert (found.base.area() - found.hollow.area())[20:100].min() > 100
 
 
 def test_a_low_plate_gets_columns_and_a_high_arm_trees() -> None:
