@@ -35,6 +35,7 @@ _SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stan
 _SLACK: Final = 1 / 30  # widths from the middle up to which a bead may hang over an edge
 _BEYOND: Final = 1.5  # mm, margin of the grid
 _ROUNDING: Final = 1e-6  # mm
+_INSIDE: Final = 1 / 10  # widths from the middle of a bead to points that must both lie over the part
 _MOST_ABOVE: Final = 0.25  # mm above the gap, up to which supports lie on the part
 _BELOW: Final = 0.02  # mm; a bead lies on beads whose top is this little lower
 
@@ -166,7 +167,9 @@ class PartBelow(Struct, frozen=True, eq=False):
         first, last = self.first[layer], self.last[layer]
         for step in range(int((last - first).max(initial=0))):
             left = np.flatnonzero(~result & (first + step < last))
-            result[left] = self._contains(samples.points(which[left]), first[left] + step)
+            for aside in (-_INSIDE, _INSIDE):
+                left = left[self._contains(samples.points(which[left], aside), first[left] + step)]
+            result[left] = True
         return result
 
     def _contains(self, points: Float, layer: Int) -> Bool:
