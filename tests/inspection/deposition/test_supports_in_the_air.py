@@ -49,7 +49,10 @@ def find_unsupported(program: Program, profile: Profile) -> tuple[UnsupportedExt
 
 
 def plant_gap(program: Program, seed: int) -> tuple[Program, float] | None:
-    """Leave out one branch or column in one layer; return also z of the layer above it, where it is noticed."""
+    """Leave out one branch or column in one layer; return also z of the layer above it, where it is noticed.
+
+    What lies above reaches hardly beyond it, so nothing else carries that.
+    """
     rng = np.random.default_rng(seed)
     is_support = roles_with(is_support=True)[program.role] & (program.filament > 0)
     layers = np.unique(program.layer[is_support])
@@ -60,7 +63,7 @@ def plant_gap(program: Program, seed: int) -> tuple[Program, float] | None:
         above = np.flatnonzero(is_support & (program.layer == layers[np.searchsorted(layers, layer) + 1]))
         over = above[is_within(program, above, gap)]
         inside = (
-            program.xyz[over, :2],
+            program.xyz[np.concatenate([over - 1, over]), :2],
             program.xyz[gap, :2].min(axis=0) - 1.0,
             program.xyz[gap, :2].max(axis=0) + 1.0,
         )
