@@ -11,6 +11,7 @@ from printer_slicer.geometry.clipping import clip_lines
 from printer_slicer.geometry.connected_areas import ConnectedAreas, split_connected
 from printer_slicer.geometry.depth import depths
 from printer_slicer.geometry.engine import (
+    close_gaps,
     difference,
     fits_circle,
     intersection,
@@ -44,6 +45,7 @@ __all__ = [
     "chain_rows",
     "clip_lines",
     "clip_outlines",
+    "close_gaps",
     "convex_hull",
     "crosses_rings",
     "crossings",

@@ -26,6 +26,7 @@ from printer_slicer.geometry.windows import intersect_windows
 from printer_slicer.kernel import load_kernel
 
 __all__ = [
+    "close_gaps",
     "difference",
     "fits_circle",
     "intersection",
@@ -164,6 +165,11 @@ def offset(areas: Areas, distance: float | Float, *, join: Join = "miter") -> Ar
     )
     layers = engine.load(_pick_layers(areas, some))
     return _restore_layers(engine.store(engine.offset(layers, by[some], join)), some, areas.n_layers)
+
+
+def close_gaps(areas: Areas, distance: float) -> Areas:
+    """Fill gaps and notches narrower than twice `distance`, mm: grow the areas, then shrink them again."""
+    return offset(offset(areas, distance), -distance)
 
 
 def offset_open(areas: Areas, distance: float | Float, limit: float = MITER_LIMIT) -> Areas:

@@ -16,10 +16,10 @@ from printer_slicer.geometry import (
     ConnectedAreas,
     Lines,
     Polylines,
+    close_gaps,
     difference,
     hatch,
     intersection,
-    offset,
     offset_open,
     split_connected,
     stroke_lines,
@@ -193,7 +193,7 @@ def _extend_along_rows(
     # Offsetting and intersecting unite overlapping areas.
     whole = bridges.merge(strips)
     # Close notches between strips that are too narrow for a row.
-    smooth = offset(offset(whole, width / 2), -width / 2)
+    smooth = close_gaps(whole, width / 2)
     return intersection(whole.merge(smooth), bridge_areas.allowed)
 
 

@@ -16,6 +16,7 @@ from printer_slicer.geometry import (
     Areas,
     Lines,
     chain_rows,
+    close_gaps,
     crosses_rings,
     difference,
     hatch,
@@ -143,7 +144,7 @@ def _trim_interface(
 def _close_across(areas: Areas, distance: float) -> Areas:
     """Return areas along x with the gaps closed that are narrower along y than twice a distance, mm."""
     wide = _stretch(areas, _ALONG)
-    return _stretch(offset(offset(wide, distance), -distance), 1 / _ALONG)
+    return _stretch(close_gaps(wide, distance), 1 / _ALONG)
 
 
 def _stretch(areas: Areas, factor: float) -> Areas:

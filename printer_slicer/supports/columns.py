@@ -11,6 +11,7 @@ import numpy as np
 from printer_slicer.arrays import Float, consecutive, distinct
 from printer_slicer.geometry import (
     Areas,
+    close_gaps,
     difference,
     fits_circle,
     intersection,
@@ -169,7 +170,7 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
         changed = used[layer] or (layer + 1 < n_layers and own[layer] != own[layer + 1])
         if used[layer]:
             area = union(column.area, contacts.copy_layers(at))
-            column.area = simplify(offset(offset(area, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
+            column.area = simplify(close_gaps(area, _SMOOTHING), _RESOLUTION)
         wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
         if changed or wider or not found:
             column.area = offset_open(difference(column.area, blocked.copy_layers(at)), _SLIVER)
@@ -190,7 +191,7 @@ def _stack(areas: Sequence[Areas]) -> Areas:
 def _find_straight_outline(contacts: Areas) -> Areas:
     """Return the outline of all contacts, seen from above, without the steps between the strips below a slope."""
     seen = unite_layers(contacts)
-    closed = offset(offset(seen, _SEEN_SMOOTHING), -_SEEN_SMOOTHING)
+    closed = close_gaps(seen, _SEEN_SMOOTHING)
     return normalize(simplify(closed, _LARGEST_STEP))
 
 
@@ -201,7 +202,7 @@ def _straighten(columns: Areas, outline: Areas, blocked: Areas) -> Areas:
     stop at each of them.
     """
     straight = intersection(offset(columns, _LARGEST_STEP), outline)
-    closed = offset(offset(straight, _SEEN_SMOOTHING), -_SEEN_SMOOTHING)
+    closed = close_gaps(straight, _SEEN_SMOOTHING)
     return offset_open(difference(simplify(closed, _STRAIGHTENING), blocked), _SLIVER)
 
 

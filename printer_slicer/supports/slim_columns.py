@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import (
     Areas,
+    close_gaps,
     depths,
     find_enclosing_rings,
     fits_circle,
@@ -95,7 +96,7 @@ def _follow_down(begins: Areas, columns: Areas, first: Int) -> Areas:
         at, above = np.array([layer]), min(layer + 1, n_layers - 1)
         if used[layer] and (layer == above or same[layer] != same[above]):
             both = union(area, begins.copy_layers(at))
-            area = simplify(offset(offset(both, _SMOOTHING), -_SMOOTHING), _RESOLUTION)
+            area = simplify(close_gaps(both, _SMOOTHING), _RESOLUTION)
             area = intersection(area, columns.copy_layers(at))
         if area.n_rings and first[layer] != first[above]:
             area = intersection(area, columns.copy_layers(at))

@@ -9,9 +9,9 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
+    close_gaps,
     difference,
     normalize,
-    offset,
     offset_open,
     stroke_lines,
     union,
@@ -141,5 +141,5 @@ def printed_body(covered: Areas, core: Areas, sections: Areas, tolerance: float)
 
 def remove_narrow_gaps(sections: Areas, min_gap: float) -> Areas:
     """Remove gaps and fins narrower than `min_gap`, mm, from sections, because no nozzle prints them."""
-    closed = offset(offset(sections, min_gap / 2), -min_gap / 2)
+    closed = close_gaps(sections, min_gap / 2)
     return offset_open(closed, min_gap / 2)
