@@ -50,6 +50,8 @@ if TYPE_CHECKING:
         Volumes,
         Walls,
     )
+    from printer_slicer.orientation import find_orientations, orient
+    from printer_slicer.orienting import Orientation, Orientations
     from printer_slicer.pipeline import overhangs, plan_part, slice_part, slice_stages
     from printer_slicer.placing import Placement, join, place, transform
     from printer_slicer.plates import arrange
@@ -78,6 +80,8 @@ _HOMES = {
     "Limits": "mesh_io",
     "Mesh": "model",
     "Model": "mesh_io",
+    "Orientation": "orienting",
+    "Orientations": "orienting",
     "Overhangs": "model",
     "Picture": "drawing",
     "Placement": "placing",
@@ -104,6 +108,7 @@ _HOMES = {
     "draw_plan": "drawing",
     "dry_run": "inspection.dry_run.runner",
     "export_stl": "mesh_io",
+    "find_orientations": "orientation",
     "find_settings": "profile.tables",
     "gcode_of": "gcode_text",
     "job_from": "slice_jobs",
@@ -113,6 +118,7 @@ _HOMES = {
     "load_model": "mesh_io",
     "load_profile": "importing.familiar",
     "move_seconds": "extrusion",
+    "orient": "orientation",
     "overhangs": "pipeline",
     "place": "placing",
     "plan_part": "pipeline",
@@ -141,6 +147,8 @@ __all__ = [
     "Limits",
     "Mesh",
     "Model",
+    "Orientation",
+    "Orientations",
     "Overhangs",
     "Picture",
     "Placement",
@@ -168,6 +176,7 @@ __all__ = [
     "draw_plan",
     "dry_run",
     "export_stl",
+    "find_orientations",
     "find_settings",
     "gcode_of",
     "job_from",
@@ -177,6 +186,7 @@ __all__ = [
     "load_model",
     "load_profile",
     "move_seconds",
+    "orient",
     "overhangs",
     "place",
     "plan_part",

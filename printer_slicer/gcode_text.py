@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 
 from printer_slicer.arguments import check_arguments
@@ -28,6 +28,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
     labels: Labels | None = None,
     strategies: Strategies = BUILT_IN,
     made: datetime | None = None,
+    comments: Sequence[str] = (),
 ) -> bytes:
     """Write a program as G-code in the printer's dialect; the output is deterministic.
 
@@ -39,6 +40,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
         labels: the object of each move, written as object labels.
         strategies: the user's flavour and functions that change the lines, if any.
         made: date in UTC for the first line; None: no date.
+        comments: further comments at the top of the file, such as how the part was turned.
 
     Raises:
         ProfileError: a macro cannot be evaluated.
@@ -52,6 +54,7 @@ def gcode_of(  # noqa: PLR0913 - all options have defaults
         labels=labels,
         strategies=strategies,
         made=made,
+        comments=comments,
     )
     return run_line_functions(b"".join(pieces), strategies.on_lines)
 
@@ -65,6 +68,7 @@ def gcode_in_pieces(  # noqa: PLR0913 - all options have defaults
     labels: Labels | None = None,
     strategies: Strategies = BUILT_IN,
     made: datetime | None = None,
+    comments: Sequence[str] = (),
 ) -> Iterator[bytes]:
     """Yield the text of `gcode_of` some layers at a time, without the functions of the user that change all lines.
 
@@ -74,7 +78,7 @@ def gcode_in_pieces(  # noqa: PLR0913 - all options have defaults
         ProfileError: a macro cannot be evaluated.
         StrategyError: a function of the user's flavour returned an invalid value.
     """
-    comments = strategies.facts()
+    comments = (*comments, *strategies.facts())
     if certificate is not None:
         comments += certificate_comments(certificate)
     pictures = render_thumbnail_lines(part, profile.printer.thumbnails) if part is not None else []

@@ -38,6 +38,7 @@ _IMPORT_REMEDY: Final = "Import the file first (printer-slicer profiles import F
 _OPTION_REMEDIES: Final[Mapping[str, str]] = {
     "scale": _TRANSFORM_REMEDY,
     "rotate": _TRANSFORM_REMEDY,
+    "orient": "Turn the mesh first: ps.job_of(ps.orient(mesh, profile), profile)",
     "copies": "Copy the mesh first: ps.slice(ps.join([mesh, mesh.moved((30, 0, 0))]))",
     "center": "Use ps.job_of(mesh, profile, placement=ps.Placement(center=(100, 100)))",
     "units": 'Load the mesh with its unit first: ps.slice(ps.load_mesh("part.stl", units="inch"))',
@@ -84,6 +85,7 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     strict_supports: bool = False,
     strategies: Strategies = BUILT_IN,
     volumes: Volumes | None = None,
+    comments: Sequence[str] = (),
 ) -> Job:
     """Make a job from a part.
 
@@ -98,6 +100,7 @@ def job_of(  # noqa: PLR0913 - all options have defaults
         strict_supports: raise an error if a piece of the part begins in the air without a support.
         strategies: user functions that replace built-in ones.
         volumes: support enforcers and blockers and negative volumes, in the coordinates of the mesh.
+        comments: further comments at the top of the G-code.
 
     Raises:
         PrinterSlicerError: the part cannot be sliced.
@@ -107,21 +110,17 @@ def job_of(  # noqa: PLR0913 - all options have defaults
     else:
         check_argument("mesh", part, Mesh)
         meshes = [part.with_volumes(volumes)]
+        options = {"strict": strict, "strict_supports": strict_supports}
         stages = slice_for_output(
-            meshes,
-            profile,
-            placement=placement,
-            report=report,
-            strict=strict,
-            strict_supports=strict_supports,
-            strategies=strategies,
+            meshes, profile, placement=placement, report=report, strategies=strategies, **options
         )
     report("writing")
-    text = gcode_of(stages.program, profile, part=stages.part, labels=stages.labels, strategies=strategies)
-    job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
-    return replace(
-        job, program=stages.program, allowed=_ALWAYS_ALLOWED, repairs=stages.repairs, profile=profile
+    program, labels = stages.program, stages.labels
+    text = gcode_of(
+        program, profile, part=stages.part, labels=labels, strategies=strategies, comments=comments
     )
+    job = lint_text(name or stages.part.name, text, profile, dialect=strategies.flavour)
+    return replace(job, program=program, allowed=_ALWAYS_ALLOWED, repairs=stages.repairs, profile=profile)
 
 
 def slice(  # noqa: A001 - called as ps.slice

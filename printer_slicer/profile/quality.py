@@ -253,6 +253,16 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "print time worth spending to avoid one gram of support", "min/g", ge=0, le=100, own=ANYWHERE
         ),
     ] = 1
+    surface_price: Annotated[
+        float,
+        make_meta(
+            "print time worth spending to avoid 1 mm³ between the part and its printed surface, when a part is turned "
+            "to print well",
+            "s/mm³",
+            ge=0,
+            le=1000,
+        ),
+    ] = 1
     spiral: Annotated[
         bool,
         make_meta(

@@ -679,6 +679,7 @@ M104 S0
 ; quality.support_branch_growth_deg = 5
 ; quality.support_scar_price = 20
 ; quality.support_gram_price = 1
+; quality.surface_price = 1
 ; quality.spiral = False
 ; quality.pause_at = 
 ; quality.overrides = 

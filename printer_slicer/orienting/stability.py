@@ -1,0 +1,122 @@
+"""Whether a part stands safely on the bed."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.geometry import convex_hull
+from printer_slicer.geometry.vectors import dot, norm
+from printer_slicer.orienting.body import Body
+
+__all__ = ["Standing", "is_stable", "make_frame", "may_stand", "measure_standing"]
+
+_FOOT_HEIGHT: Final = 0.15  # mm; the foot is the section of the convex hull at this height
+_LEAST_TILT: Final = 4.0  # degrees
+_N_CHECKS: Final = 8  # directions in which the foot is compared with the centre of mass at first
+_SLIMNESS: Final = 12.0  # the foot of a part this many times as high as wide is too small
+
+
+class Standing(NamedTuple):
+    """How a part stands.
+
+    Attributes:
+        foot: area of the convex hull of the part just above the bed, mm².
+        tilt_deg: how far the part can be tilted before it falls over, degrees; negative: it falls over at once.
+        is_stable: whether that is far enough, and the foot is large enough for the height.
+    """
+
+    foot: float
+    tilt_deg: float
+    is_stable: bool
+
+
+def may_stand(body: Body, down: Float, brim: float) -> Bool:
+    """Return a mask (D,) of the directions (D, 3) in which a body may stand safely; no other direction is stable.
+
+    The foot is compared with the centre of mass in some directions, for all at once.
+
+    Args:
+        body: the part.
+        down: unit vectors that point down.
+        brim: width of a brim, mm.
+    """
+    corners = body.hull - body.center
+    depth = down @ corners.T
+    lowest = depth.max(axis=1)
+    begin, end = _list_edges(body.hull_facets)
+    is_low = depth > (lowest - _FOOT_HEIGHT)[:, None]
+    row, edge = np.nonzero(is_low[:, begin] != is_low[:, end])
+    begin, end = begin[edge], end[edge]
+    share = (depth[row, begin] - lowest[row] + _FOOT_HEIGHT) / (depth[row, begin] - depth[row, end])
+    places = corners[begin] + share[:, None] * (corners[end] - corners[begin])
+    x = np.cross(np.eye(3)[np.abs(down).argmin(axis=1)], down)
+    x /= norm(x)[:, None]
+    along, across = (dot(places, axis[row]) for axis in (x, np.cross(-down, x)))
+    may = np.zeros(len(down), np.bool_)
+    first = np.flatnonzero(np.diff(row, prepend=-1))
+    may[row[first]] = True
+    least = np.maximum(np.tan(np.radians(_LEAST_TILT)) * lowest - brim, 0.0)[row[first]]
+    for angle in np.linspace(0, 2 * np.pi, _N_CHECKS, endpoint=False).tolist():
+        reach = (
+            np.maximum.reduceat(np.cos(angle) * along + np.sin(angle) * across, first)
+            if len(first)
+            else least
+        )
+        may[row[first]] &= reach >= least
+    return may
+
+
+def _list_edges(facets: Int) -> tuple[Int, Int]:
+    """Return both ends (E,) of the edges of a closed body with facets (F, 3), each edge once."""
+    begin, end = facets.ravel(), np.roll(facets, -1, axis=1).ravel()
+    once = begin < end
+    return begin[once], end[once]
+
+
+def is_stable(body: Body, down: Float, brim: float) -> bool:
+    """Return whether a body stands safely with the direction `down` (3,) down and a brim of this width, mm."""
+    frame = make_frame(down)
+    return measure_standing(body, frame, brim).is_stable
+
+
+def make_frame(down: Float) -> Float:
+    """Return any axes x, y and z (3, 3) as rows, of which z points up from a direction (3,) that points down."""
+    across = np.cross(np.eye(3)[int(np.abs(down).argmin())], down)
+    across /= norm(across)
+    return np.stack([across, np.cross(-down, across), -down])
+
+
+def measure_standing(body: Body, frame: Float, brim: float) -> Standing:
+    """Measure how a body stands that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
+
+    Args:
+        body: the part.
+        frame: axes of the turned part in the axes of the body.
+        brim: width of a brim, which makes the foot larger, mm.
+    """
+    corners, center = body.hull @ frame.T, frame @ body.center
+    lowest, height = float(corners[:, 2].min()), float(np.ptp(corners[:, 2]))
+    begin, end = (corners[index] for index in _list_edges(body.hull_facets))
+    level = lowest + _FOOT_HEIGHT
+    crosses = (begin[:, 2] < level) != (end[:, 2] < level)
+    begin, end = begin[crosses], end[crosses]
+    share = (level - begin[:, 2]) / (end[:, 2] - begin[:, 2])
+    ring = convex_hull((begin + share[:, None] * (end - begin))[:, :2]).xy
+    if not len(ring):
+        return Standing(0.0, -90.0, False)
+    edges = np.roll(ring, -1, axis=0) - ring
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / norm(edges)[:, None]
+    reach = float(((ring - center[:2]) * outward).sum(axis=1).min())
+    tilt = float(np.degrees(np.arctan2(reach + brim, max(float(center[2] - lowest), 1e-9))))
+    foot = _measure_area(ring)
+    wide = foot + brim * float(norm(edges).sum())
+    return Standing(foot, tilt, reach > 0 and tilt > _LEAST_TILT and wide > (height / _SLIMNESS) ** 2)
+
+
+def _measure_area(ring: Float) -> float:
+    """Return the area of a counter-clockwise ring (n, 2), mm²."""
+    x, y = ring.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2
