@@ -6,25 +6,28 @@ import argparse
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from printer_slicer.cli.help import mark_advanced
 
+if TYPE_CHECKING:
+    from printer_slicer.cli.setting_options import SettingOption
+
 __all__ = [
     "MAX_COPIES",
-    "SETTING_OPTIONS",
     "STRICT_HELP",
-    "SettingOption",
     "add_allow_option",
+    "add_keep_up_option",
     "add_layer_options",
     "add_machine_options",
     "add_model_options",
     "add_output_options",
     "add_setting_options",
     "add_strict_supports_option",
+    "add_transform_options",
+    "add_units_option",
     "attach_values",
     "parse_address",
     "parse_angles",
@@ -41,6 +44,7 @@ __all__ = [
     "parse_point",
     "parse_positive_integer",
     "parse_scale",
+    "parse_tilt",
     "parse_timeout",
 ]
 
@@ -128,6 +132,11 @@ def _parse_checked_number(
         if is_valid(value):
             return value
     raise argparse.ArgumentTypeError(f"{text!r}: expected {expected}")
+
+
+def parse_tilt(text: str) -> float:
+    """Parse an angle from the vertical, degrees."""
+    return _parse_checked_number(text, "degrees from 0 to 180, such as 60", lambda value: 0 <= value <= 180)
 
 
 def parse_timeout(text: str) -> float:
@@ -307,117 +316,6 @@ def add_strict_supports_option(group: argparse._ArgumentGroup) -> argparse._Argu
 
 
 STRICT_HELP: Final = "fail if the mesh needs repair"
-_OPTIMAL: Final = " (only with --planner optimal)"
-
-
-class SettingOption(NamedTuple):
-    """An option that changes one setting.
-
-    Attributes:
-        setting: key of the setting.
-        metavar: name of the value in the help.
-        help_suffix: text after the meaning of the setting in the help.
-        is_advanced: whether only --help-all shows it, among the options of the layer planner.
-        alias: another name of the option.
-        value_if_omitted: value if the option is given without one; empty: a value is required.
-        meaning: text of the help before the suffix; empty: the meaning of the setting.
-    """
-
-    setting: str
-    metavar: str
-    help_suffix: str = ""
-    is_advanced: bool = True
-    alias: str = ""
-    value_if_omitted: str = ""
-    meaning: str = ""
-
-    @property
-    def help(self) -> str:
-        """Return the meaning of the setting, as declared in the profile, and its choices."""
-        if self.meaning:
-            return self.meaning + self.help_suffix
-        meaning, choices = _read_setting_meanings()[self.setting]
-        return meaning + (f"; one of: {choices}" if choices else "") + self.help_suffix
-
-
-SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
-    "--layer-height": SettingOption(
-        "quality.layer_height", "MM", is_advanced=False, meaning="uniform layer height"
-    ),
-    "--infill": SettingOption(
-        "quality.infill_density",
-        "PERCENT",
-        is_advanced=False,
-        meaning="infill density, such as 20%",
-    ),
-    "--walls": SettingOption(
-        "quality.perimeters", "N", is_advanced=False, alias="--perimeters", meaning="number of perimeters"
-    ),
-    "--supports": SettingOption(
-        "quality.support",
-        "STYLE",
-        is_advanced=False,
-        value_if_omitted="auto",
-        meaning="supports: auto (if no STYLE), columns, tree or off",
-    ),
-    "--brim": SettingOption(
-        "quality.brim_width",
-        "MM",
-        is_advanced=False,
-        value_if_omitted="5",
-        meaning="brim around the part, MM wide; without MM: 5 mm",
-    ),
-    "--planner": SettingOption("quality.planner.kind", "NAME"),
-    "--tolerance": SettingOption("quality.tolerance", "MM"),
-    "--first-layer": SettingOption("quality.first_layer_height", "MM"),
-    "--containment": SettingOption(
-        "quality.containment",
-        "NAME",
-        meaning="side of the surface on which layers may deviate: mid (both sides), positive (only outside) or "
-        "negative (only inside)",
-    ),
-    "--objective": SettingOption(
-        "quality.planner.objective",
-        "NAME",
-        _OPTIMAL,
-        meaning="quantity to minimize: balanced (print time plus the price of the volume error), time (print time), "
-        "layers (number of layers) or volume (volume error)",
-    ),
-    "--error-price": SettingOption(
-        "quality.planner.error_price",
-        "S",
-        meaning="seconds of print time worth spending to avoid 1 mm³ of volume error; 0: computed from "
-        "error_price_ratio (only with --planner optimal --objective balanced)",
-    ),
-    "--snap": SettingOption(
-        "quality.planner.snap_tolerance",
-        "MM",
-        _OPTIMAL,
-        meaning="align layer tops with flat surfaces within this distance; 0: half of printer.z_step",
-    ),
-    "--max-step": SettingOption(
-        "quality.planner.max_step",
-        "MM",
-        _OPTIMAL,
-        meaning="maximum height difference between neighbouring layers; 0: follows from the setting smooth",
-    ),
-    "--max-layers": SettingOption(
-        "quality.planner.max_layers",
-        "N",
-        _OPTIMAL,
-        meaning="maximum number of layers; the planner minimizes the volume error within it; 0: no limit",
-    ),
-    "--time-budget": SettingOption(
-        "quality.planner.time_budget",
-        "TIME",
-        _OPTIMAL,
-        meaning="maximum estimated print time, such as 90m, 1h30m or 5400 (seconds); the planner minimizes the volume "
-        "error within it; 0: no limit",
-    ),
-}
-"""Option -> the setting that it changes, in the order of the help."""
-
-
 _NO_SUPPORTS: Final = frozenset({"0", "false", "no", "none", "off"})
 """Values of --supports that switch supports off, in lower case."""
 
@@ -429,15 +327,6 @@ _PARSERS: Final[Mapping[str, Callable[[str], object]]] = {
     "--infill": parse_infill_density,
     "--supports": lambda style: "off" if style.lower() in _NO_SUPPORTS else style.lower(),
 }
-
-
-@cache
-def _read_setting_meanings() -> Mapping[str, tuple[str, str]]:
-    """Map settings to meaning and choices; keys of the optimal planner's settings omit the planner's name."""
-    from printer_slicer.profile.tables import list_setting_definitions
-
-    rows = [row for row in list_setting_definitions() if "[" not in row.key or "[optimal]" in row.key]
-    return {row.key.replace("[optimal]", ""): (row.meaning, row.choices) for row in rows}
 
 
 class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="store"` is has no other name
@@ -459,6 +348,8 @@ class _SettingAction(argparse._StoreAction):  # noqa: SLF001 - what `action="sto
 
 def _add_single_setting_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
     """Add the options that change one setting each: the everyday ones, or the advanced ones."""
+    from printer_slicer.cli.setting_options import SETTING_OPTIONS
+
     for flag, option in SETTING_OPTIONS.items():
         if option.is_advanced != is_advanced:
             continue
@@ -553,24 +444,21 @@ def add_model_options(
             "; or one G-code file" if gcode else ""
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
-    _add_placement_options(parser, arranges=not flag)
+    _add_placement_options(parser, arranges=not flag, prints=gcode)
 
 
-def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool) -> None:
-    """Add the options for units and placement of models; `arranges`: whether --arrange is an everyday option."""
+def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, prints: bool) -> None:
+    """Add the options for units and placement of models.
+
+    Args:
+        parser: parser of the command.
+        arranges: whether --arrange is an everyday option.
+        prints: whether the command prints, so that --orient is not an everyday option.
+    """
     group = parser.add_argument_group("model placement")
-    group.add_argument(
-        "--scale",
-        metavar="FACTOR",
-        type=parse_scale,
-        help="scale by a factor such as 2 or 50%%, or by X,Y,Z",
-    )
-    group.add_argument(
-        "--rotate",
-        metavar="ANGLES",
-        type=parse_angles,
-        help="rotate by degrees about z, or X,Y,Z; after --scale",
-    )
+    add_transform_options(group)
+    if arranges:
+        _add_orientation_options(group, is_advanced=prints)
     group.add_argument(
         "--copies",
         metavar="N",
@@ -599,6 +487,56 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool) -
     )
     _add_plate_options(group)
     _add_file_reading_options(group)
+
+
+def add_transform_options(group: argparse._ArgumentGroup) -> None:
+    """Add --scale and --rotate."""
+    group.add_argument(
+        "--scale",
+        metavar="FACTOR",
+        type=parse_scale,
+        help="scale by a factor such as 2 or 50%%, or by X,Y,Z",
+    )
+    group.add_argument(
+        "--rotate",
+        metavar="ANGLES",
+        type=parse_angles,
+        help="rotate by degrees about z, or X,Y,Z; after --scale",
+    )
+
+
+def _add_orientation_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:
+    """Add the options that turn parts so that they print well; `is_advanced`: only --help-all shows them."""
+    orient = group.add_argument(
+        "--orient",
+        choices=("off", "fast", "careful"),
+        default="off",
+        metavar="HOW",
+        help="turn each part to print well: off, fast or careful",
+    )
+    if is_advanced:
+        mark_advanced(orient)
+    mark_advanced(add_keep_up_option(group, "--orient-keep-up"))
+    mark_advanced(
+        group.add_argument(
+            "--orient-row",
+            metavar="N",
+            type=parse_positive_integer,
+            help="turn the part as in row N of the table of `printer-slicer orient`; default: the best row, or as in "
+            "the file if that saves less than 5%%",
+        )
+    )
+
+
+def add_keep_up_option(group: _Container, flag: str) -> argparse.Action:
+    """Add an option that keeps the upper side of parts up; return it."""
+    return group.add_argument(
+        flag,
+        metavar="DEG",
+        type=parse_tilt,
+        help="turn the upper side of a part away from the vertical by at most DEG degrees; less than 90 keeps a "
+        "visible side from being turned down",
+    )
 
 
 def _add_plate_options(group: argparse._ArgumentGroup) -> None:
@@ -653,20 +591,23 @@ def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
             help="move the models down onto the bed; --no-drop keeps the z of the files; default: --drop",
         )
     )
-    mark_advanced(
-        group.add_argument(
-            "--units",
-            choices=UNITS,
-            metavar="UNIT",
-            help=f"length unit of the files: {', '.join(UNITS)}; default: the unit in the file, or mm if it has none",
-        )
-    )
+    mark_advanced(add_units_option(group))
     mark_advanced(
         group.add_argument(
             "--fuse",
             action="store_true",
             help="print overlapping parts of several files as one part; without it, overlaps are an error",
         )
+    )
+
+
+def add_units_option(group: argparse._ArgumentGroup) -> argparse.Action:
+    """Add --units; return it."""
+    return group.add_argument(
+        "--units",
+        choices=UNITS,
+        metavar="UNIT",
+        help=f"length unit of the files: {', '.join(UNITS)}; default: the unit in the file, or mm if it has none",
     )
 
 

@@ -94,6 +94,7 @@ def make_job(
         report=report,
         strict=arguments.strict,
         strict_supports=arguments.strict_supports,
+        comments=plate.comments,
     )
     return job, plate.collect_facts()
 

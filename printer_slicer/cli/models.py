@@ -81,6 +81,8 @@ class Plate(Struct, frozen=True, eq=False):
         count: number of plates that the parts need.
         parts: facts about the places of the parts on all plates, for JSON; empty if they are not arranged.
         names: names of the objects and modifiers on all plates, if there are several.
+        turned: facts about the parts that --orient turned, for JSON.
+        comments: the same for the head of the G-code.
         tells: whether messages about settings of projects are printed, which are the same for all plates.
     """
 
@@ -91,12 +93,15 @@ class Plate(Struct, frozen=True, eq=False):
     count: int = 1
     parts: tuple[dict[str, Any], ...] = ()
     names: frozenset[str] = frozenset()
+    turned: tuple[dict[str, Any], ...] = ()
+    comments: tuple[str, ...] = ()
     tells: bool = True
 
     def collect_facts(self) -> dict[str, Any]:
         """Return the facts for JSON."""
         places = {"plate": self.number, "plates": self.count, "parts": list(self.parts)}
-        return {"models": list(self.models), "warnings": list(self.warnings), **places}
+        turned = {"orientations": list(self.turned)} if self.turned else {}
+        return {"models": list(self.models), "warnings": list(self.warnings), **places, **turned}
 
 
 class _LoadedFile(NamedTuple):
@@ -172,6 +177,18 @@ def _load_parts(arguments: argparse.Namespace, profile: Profile, report: StageRe
     keep_freed_memory()
     reject_positions_with_copies(arguments)
     files = {path: _load_transformed(arguments, path, report) for path in dict.fromkeys(arguments.models)}
+    turned: tuple[dict[str, Any], ...] = ()
+    comments: tuple[str, ...] = ()
+    if any(
+        getattr(arguments, name, None) not in {None, "off"}
+        for name in ("orient", "orient_keep_up", "orient_row")
+    ):
+        from printer_slicer.cli.orient_models import turn_models
+
+        meshes, turned, comments = turn_models(
+            arguments, {path: one.mesh for path, one in files.items()}, profile, report
+        )
+        files = {path: one._replace(mesh=meshes[path]) for path, one in files.items()}
     volumes = _load_volumes(arguments, report)
     room = np.array([profile.printer.bed_x, profile.printer.bed_y, profile.printer.bed_z])
     warnings = list(_list_file_warnings(arguments, files, room))
@@ -182,7 +199,8 @@ def _load_parts(arguments: argparse.Namespace, profile: Profile, report: StageRe
     if why is None:
         warnings += _list_floating_part_warnings(files, placement)
     models = tuple(_collect_model_facts(one.model) for one in files.values())
-    return _LoadedParts(parts, why, volumes, Plate(placement, tuple(warnings), models))
+    plate = Plate(placement, tuple(warnings), models, turned=turned, comments=comments)
+    return _LoadedParts(parts, why, volumes, plate)
 
 
 def _arrange_parts(

@@ -33,6 +33,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "check": "analyse G-code of any slicer, and compare it with its model",
     "draw": "draw a layer of any slicer's G-code",
     "plan": "compare layer plans for a part",
+    "orient": "compare the ways in which a part may be turned",
     "contours": "export the contours of a part as SVG, CLI or SLC",
     "profiles": "list, show, compare, create and import profiles",
     "send": "upload G-code to a printer on the network",

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.cli.file_settings import (
     FileSettings,
     name_settings,
@@ -18,6 +17,7 @@ from printer_slicer.cli.file_settings import (
     read_loaded_files,
 )
 from printer_slicer.cli.output import hide_stdin_folder, sanitize, write_file
+from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.errors import ProfileError, UsageError
 from printer_slicer.saving import make_folder
 

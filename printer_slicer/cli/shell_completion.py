@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from printer_slicer.cli.arguments import SETTING_OPTIONS
 from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.parser import CommandParser
+from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.cli.simulator_options import FIRMWARES
 
 __all__ = ["SHELLS", "answer_completion_request", "iterate_actions", "make_completion_script"]

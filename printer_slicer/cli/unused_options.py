@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from printer_slicer.cli.arguments import SETTING_OPTIONS
+from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.errors import UsageError
 
 __all__ = ["reject_model_options", "reject_options_without_model"]
@@ -23,6 +23,9 @@ _MODEL_DEFAULTS: Final[Mapping[str, object]] = {
     "drop": True,
     "fuse": False,
     "copies": 1,
+    "orient": "off",
+    "orient_keep_up": None,
+    "orient_row": None,
     "support_enforcer": [],
     "support_blocker": [],
     "modifier": [],
@@ -52,7 +55,7 @@ def reject_model_options(arguments: argparse.Namespace) -> None:
 
 def _find_model_options(arguments: argparse.Namespace) -> list[str]:
     """Return the options for units and placement of models on a command line."""
-    given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name) != usual]
+    given = [name for name, usual in _MODEL_DEFAULTS.items() if getattr(arguments, name, usual) != usual]
     return ["--no-drop" if name == "drop" else f"--{name.replace('_', '-')}" for name in given]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from command_line import BOX, QUICK, Outcome, is_message, typed
 
-from printer_slicer.cli.arguments import SETTING_OPTIONS
+from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.gcode.macro_faults import find_macro_faults
 from printer_slicer.profile import KINDS, find_profile_paths, load_profile
 from printer_slicer.profile.folders import VARIABLE, find_shipped_profiles

@@ -18,6 +18,7 @@ from printer_slicer.cli.arguments import (
     add_setting_options,
     parse_number,
 )
+from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, reject_overwriting_input, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import OutputError, UsageError
@@ -54,8 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         required=True,
         help="output file: .svg, .cli or .slc; for one SVG per layer, a folder/ or a name with %%d for the number",
     )
-    parser.add_argument(
-        "--binary", action="store_true", help="write a binary .cli file instead of an ASCII one"
+    mark_advanced(
+        parser.add_argument(
+            "--binary", action="store_true", help="write a binary .cli file instead of an ASCII one"
+        )
     )
     parser.add_argument(
         "--smooth",

@@ -218,6 +218,7 @@ def _slice_plate(
                 certificate=certificate,
                 labels=stage.labels,
                 made=arguments.made,
+                comments=plate.comments,
             ),
         )
     late = _list_late_warnings(stage, profile, unsupported)

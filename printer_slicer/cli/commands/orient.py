@@ -1,0 +1,118 @@
+"""`orient`: compare the ways in which a part may be turned."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from printer_slicer.cli.arguments import (
+    add_keep_up_option,
+    add_output_options,
+    add_setting_options,
+    add_transform_options,
+    add_units_option,
+)
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.orient_models import collect_row_facts, format_rotation
+from printer_slicer.cli.output import print_text, show_stages
+from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
+from printer_slicer.texts import format_duration, format_significant
+
+if TYPE_CHECKING:
+    from printer_slicer.orientation import Search
+    from printer_slicer.orienting import Orientation, Orientations
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer orient part.stl
+  printer-slicer orient part.stl --careful --printer creality_ender3 --keep-up 60
+  printer-slicer slice part.stl --orient fast                turn the part, then slice it
+  printer-slicer slice part.stl --orient fast --orient-row 2   turn it as in the second row"""
+_MOST_ROWS: Final = 10
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `orient`."""
+    parser.add_argument("models", metavar="MODEL", type=Path, nargs="+", help="models (STL, 3MF, STEP, ...)")
+    parser.add_argument(
+        "--careful", action="store_true", help="slice the best three ways, instead of comparing estimates"
+    )
+    add_keep_up_option(parser, "--keep-up")
+    parser.add_argument("--all", action="store_true", help=f"show all rows, not only the first {_MOST_ROWS}")
+    add_setting_options(parser)
+    group = parser.add_argument_group("model placement")
+    add_transform_options(group)
+    mark_advanced(add_units_option(group))
+    add_output_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare the ways in which each part may be turned."""
+    from printer_slicer.mesh_io import load_model
+    from printer_slicer.orientation import KEEP_ANY, find_orientations
+    from printer_slicer.placing import transform
+
+    profile = load_selected_profile(arguments)
+    tables: list[tuple[Path, Orientations]] = []
+    with show_stages(arguments) as report:
+        for path in dict.fromkeys(arguments.models):
+            report(f"loading {path.name}")
+            mesh = load_model(path, units=arguments.units).mesh
+            scale = arguments.scale[:3] if arguments.scale else 1.0
+            mesh = transform(mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+            keep_up = KEEP_ANY if arguments.keep_up is None else arguments.keep_up
+            search: Search = "careful" if arguments.careful else "fast"
+            tables.append(
+                (path, find_orientations(mesh, profile, search=search, keep_up=keep_up, report=report))
+            )
+    if arguments.json:
+        facts = {"models": [_collect_facts(path, found) for path, found in tables]}
+        print(json.dumps(facts | collect_profile_facts(arguments)))
+    else:
+        shown = None if arguments.all else _MOST_ROWS
+        print_text(
+            arguments,
+            "\n".join(_format_table(path, found, shown) for path, found in tables),
+            is_message=False,
+        )
+    return 0
+
+
+def _collect_facts(path: Path, found: Orientations) -> dict[str, Any]:
+    """Return all rows of a model for JSON."""
+    chosen = found.rows.index(found.chosen) + 1
+    return {"file": str(path), "chosen_row": chosen, "rows": [collect_row_facts(row) for row in found.rows]}
+
+
+def _format_table(path: Path, found: Orientations, most: int | None) -> str:
+    """Format the rows of a model: the first ones, the part as given and the chosen one."""
+    head = (
+        f"  {'row':>3} {'cost':>8}{'print time':>12}{'support':>9}{'overhang':>11}{'deviation':>11}{'height':>10}"
+        f"{'foot':>10}{'tilt':>6}   --rotate"
+    )
+    lines = [f"{path.name}: ways to turn it; cost in minutes, deviation is the mean", head]
+    for number, row in enumerate(found.rows, start=1):
+        if most is None or number <= most or row.is_given:
+            lines.append(_format_row(number, row, is_chosen=row is found.chosen))
+    lines.append("  *: chosen by --orient; choose another row with --orient-row N, or with its --rotate")
+    return "\n".join(lines)
+
+
+def _format_row(number: int, row: Orientation, *, is_chosen: bool) -> str:
+    """Format one row of the table."""
+    notes = [
+        *(["as in the file"] if row.is_given else []),
+        *([] if row.is_stable else ["falls over"]),
+        *([] if row.fits else ["does not fit"]),
+        *(["sliced"] if row.is_sliced else []),
+    ]
+    values = (
+        f"{row.cost:>8.1f}{format_duration(60 * row.minutes):>12}{format_significant(row.support_g) + ' g':>9}"
+        f"{row.overhang:>7.0f} mm²{row.deviation:>8.3f} mm{row.height:>7.1f} mm"
+        f"{row.foot:>6.0f} mm²{row.tilt_deg:>5.0f}°"
+    )
+    note = f"   ({', '.join(notes)})" if notes else ""
+    return f"{'*' if is_chosen else ' ':>2}{number:>3} {values}   {format_rotation(row)}{note}"

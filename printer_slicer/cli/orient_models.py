@@ -1,0 +1,159 @@
+"""Turn the models of a command line so that they print well, and tell how."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from printer_slicer.cli.output import sanitize
+from printer_slicer.errors import UsageError
+from printer_slicer.texts import format_duration, format_significant
+
+if TYPE_CHECKING:
+    from printer_slicer.cli.output import StageReport
+    from printer_slicer.model import Mesh
+    from printer_slicer.orienting import Orientation, Orientations
+    from printer_slicer.profile import Profile
+
+__all__ = ["TurnedModels", "choose_row", "collect_row_facts", "format_rotation", "turn_models"]
+
+
+class TurnedModels(NamedTuple):
+    """Models that may have been turned.
+
+    Attributes:
+        meshes: the mesh of each file.
+        facts: facts about each file, for JSON; empty without --orient.
+        comments: how each file was turned, for the head of the G-code.
+    """
+
+    meshes: Mapping[Path, Mesh]
+    facts: tuple[dict[str, Any], ...] = ()
+    comments: tuple[str, ...] = ()
+
+
+def turn_models(
+    arguments: argparse.Namespace, meshes: Mapping[Path, Mesh], profile: Profile, report: StageReport
+) -> TurnedModels:
+    """Turn each model as --orient says, and print a line about each.
+
+    Raises:
+        UsageError: an option has no effect without --orient, or does not go together with it, or there is no such row.
+    """
+    how: Literal["off", "fast", "careful"] = getattr(arguments, "orient", "off")
+    _check_options(arguments, how, len(meshes))
+    if how == "off":
+        return TurnedModels(meshes)
+    from printer_slicer.orientation import KEEP_ANY, find_orientations
+    from printer_slicer.orienting import turn_mesh
+
+    keep_up = KEEP_ANY if arguments.orient_keep_up is None else arguments.orient_keep_up
+    turned, facts, comments = dict(meshes), [], []
+    for path, mesh in meshes.items():
+        found = find_orientations(mesh, profile, search=how, keep_up=keep_up, report=report)
+        row = choose_row(found, arguments.orient_row)
+        turned[path] = turn_mesh(mesh, row.rotate)
+        facts.append({"file": str(path), **collect_row_facts(row)})
+        if row.is_given:
+            comments.append(f"{path.name}: not rotated by --orient {how}")
+        else:
+            comments.append(
+                f"{path.name}: rotated by {format_rotation(row)} degrees about x, y, z (--orient {how})"
+            )
+        if not arguments.quiet:
+            print(sanitize(f"printer-slicer: {path.name}: {_describe(row, found)}"), file=sys.stderr)
+    return TurnedModels(turned, tuple(facts), tuple(comments))
+
+
+def _check_options(arguments: argparse.Namespace, how: str, n_models: int) -> None:
+    """Check that the options for turning parts go together.
+
+    Raises:
+        UsageError: they do not.
+    """
+    for name in ("orient_keep_up", "orient_row"):
+        value = getattr(arguments, name, None)
+        if how == "off" and value is not None:
+            flag = f"--{name.replace('_', '-')}"
+            raise UsageError(
+                f"{flag} {value:g}: this option has no effect without --orient", remedy="Add --orient fast"
+            )
+    if how == "off":
+        return
+    if arguments.orient_row is not None and n_models > 1:
+        raise UsageError(
+            f"--orient-row {arguments.orient_row}: there are {n_models} models, each with rows of its own",
+            remedy="Turn the models one by one, with --rotate",
+        )
+    for name in ("support_enforcer", "support_blocker", "modifier"):
+        if getattr(arguments, name):
+            raise UsageError(
+                f"--{name.replace('_', '-')}: such a file does not turn with the part, as --orient turns it",
+                remedy="Find the rotation with `printer-slicer orient`, then use --rotate instead of --orient",
+            )
+
+
+def choose_row(found: Orientations, number: int | None) -> Orientation:
+    """Return the row with this number, from 1; None: the chosen one.
+
+    Raises:
+        UsageError: there is no such row.
+    """
+    if number is None:
+        return found.chosen
+    if number > len(found.rows):
+        raise UsageError(
+            f"--orient-row {number}: there are {len(found.rows)} rows",
+            remedy="List them with `printer-slicer orient`",
+        )
+    return found.rows[number - 1]
+
+
+def format_rotation(row: Orientation) -> str:
+    """Format the angles of a row as --rotate takes them."""
+    return ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in row.rotate)
+
+
+def _describe(row: Orientation, found: Orientations) -> str:
+    """Describe how a part is turned, and what this saves."""
+    given = found.given
+    if row.is_given:
+        return "printed as it lies in its file, which is " + (
+            "nearly the best way" if row.is_usable else "not safe, but no other way was found"
+        )
+    known = "" if row.is_sliced and given.is_sliced else "about "
+    text = (
+        f"rotated by {format_rotation(row)} (--rotate), {known}{format_duration(60 * row.minutes)} and "
+        f"{format_significant(row.support_g)} g of support instead of {format_duration(60 * given.minutes)} and "
+        f"{format_significant(given.support_g)} g"
+    )
+    reason = _explain_unusable(given)
+    return f"{text}; as it lies in its file, it {reason}" if reason else text
+
+
+def _explain_unusable(row: Orientation) -> str:
+    """Say why a row is not usable; empty if it is."""
+    return "falls over" if not row.is_stable else "does not fit the printer" if not row.fits else ""
+
+
+def collect_row_facts(row: Orientation) -> dict[str, Any]:
+    """Return the facts about a row for JSON."""
+    return {
+        "rotate": list(row.rotate),
+        "is_given": row.is_given,
+        "usable": row.is_usable,
+        "unusable_because": _explain_unusable(row) or None,
+        "sliced": row.is_sliced,
+        "cost_min": round(row.cost, 3),
+        "minutes": round(row.minutes, 3),
+        "support_g": round(row.support_g, 3),
+        "mean_deviation_mm": round(row.deviation, 5),
+        "deviation_mm3": round(row.deviation_volume, 3),
+        "height_mm": round(row.height, 4),
+        "foot_mm2": round(row.foot, 2),
+        "overhang_mm2": round(row.overhang, 2),
+        "tilt_deg": round(row.tilt_deg, 2),
+    }
