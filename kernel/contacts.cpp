@@ -9,7 +9,8 @@
 
 namespace {
 
-constexpr double LEVEL = 1e-9, NO_AREA = 1e-12, TINY = 1e-300;  // as in contacts.py
+constexpr double LEVEL = 1e-9, NO_AREA = 1e-12;  // as in contacts.py
+constexpr double TINY = 1e-300;                  // avoids division by 0
 
 using Keys = std::vector<std::uint64_t>;
 using Mask = std::vector<char>;

@@ -11,13 +11,14 @@ using Clipper2Lib::EndType;
 using Clipper2Lib::Path64;
 using Clipper2Lib::Paths64;
 
-constexpr double MITER_LIMIT = 2.01, ROUND_TOLERANCE = 0.005;  // as in polygons.py
+constexpr double ROUND_TOLERANCE = 0.005;  // as in polygons.py
+constexpr double NO_MITERS = 2.0;  // all joins are round
 
 NewRings inflate(const Rings& paths, const Numbers& distance, EndType ends) {
   if (!distance.is_whole() || distance.size() != paths.size()) throw Invalid{"expected one distance per path"};
   NewRings result;
   result.xy.reserve(4 * paths.n_points());
-  Clipper2Lib::ClipperOffset inflater(MITER_LIMIT, ROUND_TOLERANCE * STEPS_PER_MM);
+  Clipper2Lib::ClipperOffset inflater(NO_MITERS, ROUND_TOLERANCE * STEPS_PER_MM);
   Paths64 group, found;
   for (std::size_t i = 0; i < paths.size();) {
     const std::int64_t number = paths.layer(i);

@@ -42,15 +42,16 @@ _N_POINTS: Final = 4000  # at which the deviation is measured
 def orient(mesh: Mesh, profile: Profile, *, search: Search = "fast", keep_up: float = KEEP_ANY) -> Mesh:
     """Turn a part so that it prints in little time, with little support and a smooth surface.
 
-    A part that is within 5 % of the best orientation stays as it is. A turned part stands on z = 0.
+    A part stays as it is if turning saves less than 5 % of the cost, unless it may fall over or does not fit. A turned
+    part stands on z = 0.
 
     Args:
         mesh: the part; its objects are turned together.
         profile: printer, material and quality. `quality.support_gram_price` and `quality.surface_price` weigh support
             and surface against print time. Overhangs count as supported, whether or not `quality.support` is off.
         search: "fast" compares estimates; "careful" also slices the best orientations, without overrides.
-        keep_up: largest angle by which the upper side of the part may be turned away from the vertical, degrees; less
-            than 90 keeps a visible side from being turned down.
+        keep_up: largest angle by which the z axis of the part may be tilted, degrees; below 90, its top never faces
+            down.
 
     Raises:
         UsageError: an argument is invalid.

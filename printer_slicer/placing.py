@@ -100,7 +100,7 @@ def _check_excluded_areas(name: str, triangles: Float, printer: Printer) -> None
         size = high.max(axis=0) - low.min(axis=0)
         x, y = (low.min(axis=0) + size / 2).tolist()
         raise PartError(
-            f"{name}: the part stands or hangs in an excluded area of the bed of {printer.name!r}, near x {x:.4g} y "
+            f"{name}: the part or its overhang is in an excluded area of the bed of {printer.name!r}, near x {x:.4g} y "
             f"{y:.4g}, over {size[0]:.3g} x {size[1]:.3g} mm",
             remedy="Let `arrange` find a place, set the position with `center`, or change printer.excluded_areas",
         )
@@ -120,8 +120,7 @@ def _move_rounded(triangles: Float, by: Float) -> Float:
 
 def _check_size(name: str, size: Float, printer: Printer, placement: Placement) -> None:
     """Check that the part is not larger than the print volume."""
-    low, high = printer.free_corners
-    room = np.array([*np.subtract(high, low), printer.bed_z])
+    room = np.array(printer.print_volume)
     if not (size > room + _SLACK).any():
         return
     fits = _multiply_factors(placement.scale or "1", float((room / np.maximum(size, _SLACK)).min()))

@@ -84,7 +84,7 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     bed = FreeArea(low, high, read_excluded_areas(profile.printer))
     names = [f"{mesh.name}: the part{_name_surroundings(rooms[id(mesh)], profile)}" for mesh in meshes]
     remedy = "Choose a larger printer, or scale the part"
-    remedy += ", or print it without what surrounds it on the bed" if any(rooms.values()) else ""
+    remedy += ", or print it without brim, raft or supports" if any(rooms.values()) else ""
     outlines = [outline_of[id(mesh)] for mesh in meshes]
     return arrange_outlines(outlines, names, bed, max(gap, measure_spacing(profile)), remedy=remedy)
 

@@ -115,7 +115,7 @@ def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea, reme
     )
     turned = f", even if it is rotated by {best.angle:g} degrees" if best.angle else ""
     raise PartError(
-        f"{name} is {axes} too large for the plate of {room.size[0]:g} x {room.size[1]:g} mm{turned}",
+        f"{name} is {axes} too large for the free area of the bed, {room.size[0]:g} x {room.size[1]:g} mm{turned}",
         remedy=remedy,
     )
 
@@ -214,7 +214,7 @@ def _describe_unplaced(
         middle = (low + high) / 2
         smaller = offset(outlines[at], -middle, join="round")
         low, high = (low, middle) if _fits_alone(smaller, rotations, plate) else (middle, high)
-    return f"{names[at]} is about {2 * high:.2g} mm too large to fit beside the excluded areas of the plate"
+    return f"{names[at]} is about {2 * high:.2g} mm too large to fit beside the excluded areas of the bed"
 
 
 def _fits_alone(outline: Areas, rotations: Sequence[float], plate: PlateCells) -> bool:

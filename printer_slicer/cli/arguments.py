@@ -468,7 +468,7 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
     )
     where = group.add_mutually_exclusive_group()
     arrange = where.add_argument(
-        "--arrange", action="store_true", help="arrange the parts; default: if they would overlap"
+        "--arrange", action="store_true", help="arrange the parts; default: if they overlap or have copies"
     )
     if not arranges:
         mark_advanced(arrange)
@@ -534,8 +534,7 @@ def add_keep_up_option(group: _Container, flag: str) -> argparse.Action:
         flag,
         metavar="DEG",
         type=parse_tilt,
-        help="turn the upper side of a part away from the vertical by at most DEG degrees; less than 90 keeps a "
-        "visible side from being turned down",
+        help="tilt the z axis of a part by at most DEG degrees; below 90, its top never faces down",
     )
 
 

@@ -124,8 +124,8 @@ def explain_arranging(
     if overlaps:
         return f"{overlaps}, at the positions in their files"
     low, high = (np.array([mesh.bounds[side, :2] for mesh in meshes]) for side in (0, 1))
-    bed = np.array([printer.bed_x, printer.bed_y])
-    if len(meshes) > 1 and not is_placed and (high.max(axis=0) - low.min(axis=0) > bed).any():
+    extent, most = high.max(axis=0) - low.min(axis=0), printer.print_volume[:2]
+    if len(meshes) > 1 and not is_placed and (extent > most).any():
         return "together, the parts at the positions in their files do not fit the bed"
     return ""
 

@@ -190,7 +190,7 @@ def _load_parts(arguments: argparse.Namespace, profile: Profile, report: StageRe
         )
         files = {path: one._replace(mesh=meshes[path]) for path, one in files.items()}
     volumes = _load_volumes(arguments, report)
-    room = np.array([profile.printer.bed_x, profile.printer.bed_y, profile.printer.bed_z])
+    room = np.array(profile.printer.print_volume)
     warnings = list(_list_file_warnings(arguments, files, room))
     placement = _make_placement(arguments, [one.model for one in files.values()])
     if not arguments.fuse:

@@ -64,7 +64,12 @@ def turn_models(
                 f"{path.name}: rotated by {format_rotation(row)} degrees about x, y, z (--orient {how})"
             )
         if not arguments.quiet:
-            print(sanitize(f"printer-slicer: {path.name}: {_describe(row, found)}"), file=sys.stderr)
+            print(
+                sanitize(
+                    f"printer-slicer: {path.name}: {_describe(row, found, is_chosen=row is found.chosen)}"
+                ),
+                file=sys.stderr,
+            )
     return TurnedModels(turned, tuple(facts), tuple(comments))
 
 
@@ -117,16 +122,18 @@ def format_rotation(row: Orientation) -> str:
     return ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in row.rotate)
 
 
-def _describe(row: Orientation, found: Orientations) -> str:
-    """Describe how a part is turned, and what this saves."""
+def _describe(row: Orientation, found: Orientations, *, is_chosen: bool) -> str:
+    """Describe how a part is turned, and what this saves; `is_chosen` if the search chose this row."""
     given = found.given
+    if row.is_given and row.is_usable:
+        return "not rotated" + (", because that would save less than 5 %" if is_chosen else "")
     if row.is_given:
-        return "printed as it lies in its file, which is " + (
-            "nearly the best way" if row.is_usable else "not safe, but no other way was found"
+        return f"not rotated; it {_explain_unusable(row)}" + (
+            " in every orientation that was compared" if is_chosen else ""
         )
     known = "" if row.is_sliced and given.is_sliced else "about "
     text = (
-        f"rotated by {format_rotation(row)} (--rotate), {known}{format_duration(60 * row.minutes)} and "
+        f"rotated by {format_rotation(row)} degrees about x, y, z; {known}{format_duration(60 * row.minutes)} and "
         f"{format_significant(row.support_g)} g of support instead of {format_duration(60 * given.minutes)} and "
         f"{format_significant(given.support_g)} g"
     )
@@ -136,7 +143,7 @@ def _describe(row: Orientation, found: Orientations) -> str:
 
 def _explain_unusable(row: Orientation) -> str:
     """Say why a row is not usable; empty if it is."""
-    return "falls over" if not row.is_stable else "does not fit the printer" if not row.fits else ""
+    return "may fall over" if not row.is_stable else "does not fit the printer" if not row.fits else ""
 
 
 def collect_row_facts(row: Orientation) -> dict[str, Any]:

@@ -113,23 +113,23 @@ def outlines_within(outlines: Areas, layers: Areas) -> OpenLines:
 
 def stroke(xy: Float, start: Int, layer: Int, radius: Float, n_layers: int) -> Areas:
     """Return for each layer the area within a radius of its open polylines."""
-    # Lines of one radius are drawn together, in the order of the layers and then of their first lines.
+    # Lines of one radius form a group; groups are in the order of the layers and then of their first lines.
     _, kind = unique_inverse(radius)
-    pens, group = unique_inverse(layer * (int(kind.max(initial=0)) + 1) + kind)
-    first = np.full(len(pens), len(layer))
+    groups, group = unique_inverse(layer * (int(kind.max(initial=0)) + 1) + kind)
+    first = np.full(len(groups), len(layer))
     np.minimum.at(first, group, np.arange(len(layer)))
-    pen = np.lexsort((first, layer[first]))
-    rank = np.zeros(len(pens), np.int64)
-    rank[pen] = np.arange(len(pens))
+    group_order = np.lexsort((first, layer[first]))
+    rank = np.zeros(len(groups), np.int64)
+    rank[group_order] = np.arange(len(groups))
     order = np.argsort(rank[group], kind="stable")
     size = np.diff(start)[order]
     points = xy.take(consecutive(start[order], size), axis=0)
     made = _kernel().inflate_paths(
         points, np.append(0, np.cumsum(size)), rank[group][order], radius[order], False
     )
-    drawn, home = Areas.from_buffers(made, len(pens)), layer[first][pen]
-    drawn = Areas(drawn.xy, drawn.ring_start, home[drawn.ring_layer], n_layers)
-    return combine("union", drawn, Areas.empty(n_layers)) if (np.diff(home) == 0).any() else drawn
+    drawn, group_layer = Areas.from_buffers(made, len(groups)), layer[first][group_order]
+    drawn = Areas(drawn.xy, drawn.ring_start, group_layer[drawn.ring_layer], n_layers)
+    return combine("union", drawn, Areas.empty(n_layers)) if (np.diff(group_layer) == 0).any() else drawn
 
 
 def _inflate(layers: Areas, distance: Float) -> Areas:

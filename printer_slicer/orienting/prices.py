@@ -11,6 +11,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry.raster import Float32
 from printer_slicer.orienting.print_times import PrintTimes
 from printer_slicer.profile import Profile
+from printer_slicer.supports.slopes import limit_threshold
 
 __all__ = ["FLAT", "GENTLE", "Prices", "measure_stairs"]
 
@@ -20,7 +21,6 @@ FLAT: Final = 0.9995
 GENTLE: Final = 0.985
 """Cosine of the angle from the horizontal below which supports under an overhang are as wide as under a flat one."""
 
-_FLATTEST_SLOPE: Final = 5.0  # degrees; overhang thresholds below act as this
 _SLOPE_SUPPORT: Final = 1.2  # volume of supports under slopes, which are narrow, relative to wide ones
 _SMALLEST_STEP: Final = 0.5  # of a layer height; lower places count as lying on the bed
 
@@ -50,7 +50,7 @@ class Prices:
         self.times = PrintTimes(profile)
         self.gram_price = quality.support_gram_price
         self.surface_price = quality.surface_price / 60
-        self.overhang_cosine = float(np.cos(np.radians(max(quality.support_threshold_deg, _FLATTEST_SLOPE))))
+        self.overhang_cosine = float(np.cos(np.radians(limit_threshold(quality.support_threshold_deg))))
         self.max_bridge = quality.support_max_bridge
         self.lands_on_part = not quality.support_on_bed_only
         self.on_bed = _SMALLEST_STEP * self.times.layer_height

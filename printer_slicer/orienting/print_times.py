@@ -17,6 +17,7 @@ from printer_slicer.geometry.raster import Float32
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.planning.line_timing import time_moves
 from printer_slicer.profile import Profile
+from printer_slicer.supports.levels import find_height_limits
 
 __all__ = ["PrintTimes", "ShellVolumes"]
 
@@ -140,7 +141,7 @@ class PrintTimes:
             wide: under gentle overhangs.
             narrow: under steeper ones, which often get trees.
         """
-        height = self._profile.quality.support_layer_max or 0.75 * self._profile.printer.nozzle_diameter
+        height = find_height_limits(self._profile)[1]
         of_wide, of_narrow = (
             travels * self._compute_seconds_per_mm3("support", line, height)
             for line, travels in (_WIDE_SUPPORT, _NARROW_SUPPORT)

@@ -45,7 +45,6 @@ def rate_frame(body: Body, frame: Float, profile: Profile, prices: Prices) -> Or
     grams, overhang = float(prices.weigh(extruded.sum())), float(area.sum())
     deviation = stairs + prices.gap * overhang
     standing = measure_standing(body, frame, profile.quality.brim_width)
-    room = np.array([profile.printer.bed_x, profile.printer.bed_y, profile.printer.bed_z])
     return Orientation(
         rotate=find_angles(frame @ body.axes),
         cost=float(prices.compute_cost(minutes, grams, deviation)),
@@ -58,7 +57,7 @@ def rate_frame(body: Body, frame: Float, profile: Profile, prices: Prices) -> Or
         overhang=overhang,
         tilt_deg=standing.tilt_deg,
         is_stable=standing.is_stable,
-        fits=bool((size <= room + _SLACK).all()),
+        fits=bool((size <= np.add(profile.printer.print_volume, _SLACK)).all()),
     )
 
 

@@ -256,8 +256,8 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     surface_price: Annotated[
         float,
         make_meta(
-            "print time worth spending to avoid 1 mm³ between the part and its printed surface, when a part is turned "
-            "to print well",
+            "print time worth spending to avoid 1 mm³ of mean surface deviation times surface area, when a part is "
+            "turned to print well",
             "s/mm³",
             ge=0,
             le=1000,

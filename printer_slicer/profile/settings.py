@@ -325,6 +325,12 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return (left + margin, front + margin), (right - margin, back - margin)
 
     @property
+    def print_volume(self) -> tuple[float, float, float]:
+        """Size in x, y and z of the space in which parts may stand, mm."""
+        (left, front), (right, back) = self.free_corners
+        return right - left, back - front, self.bed_z
+
+    @property
     def excluded_polygons(self) -> tuple[tuple[tuple[float, float], ...], ...]:
         """The corners of each of the `excluded_areas`, mm; rectangles have four."""
         polygons = []

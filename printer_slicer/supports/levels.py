@@ -19,7 +19,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.shortest_path import ArcGraph, cheapest_path
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["list_places_without_room", "plan_shared_layers", "plan_support_layers"]
+__all__ = ["find_height_limits", "list_places_without_room", "plan_shared_layers", "plan_support_layers"]
 
 _UNIT: Final = 0.02  # mm between heights at which a layer may end, if the z step is finer
 _DEFAULT_RATIO: Final = 0.75  # nozzle diameters, the largest layer height if the settings have none
@@ -152,7 +152,7 @@ def _add_start_heights(contacts: _Contacts, heights: Float) -> _Contacts:
 
 def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Profile) -> Float:
     """Return the tops (S,) of the support layers, mm."""
-    low, high = _find_height_limits(profile)
+    low, high = find_height_limits(profile)
     above = contacts.wanted[contacts.wanted >= first + low - _SAME]
     if not len(above):
         return np.array([first])
@@ -176,7 +176,7 @@ def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Pr
     return np.array([first])
 
 
-def _find_height_limits(profile: Profile) -> tuple[float, float]:
+def find_height_limits(profile: Profile) -> tuple[float, float]:
     """Return the smallest and the largest layer height of supports above the first layer, mm."""
     printer = profile.printer
     wanted = profile.quality.support_layer_max or _DEFAULT_RATIO * printer.nozzle_diameter

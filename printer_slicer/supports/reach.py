@@ -6,6 +6,7 @@ import numpy as np
 
 from printer_slicer.model import Mesh
 from printer_slicer.profile import Profile
+from printer_slicer.supports.slopes import limit_threshold
 
 __all__ = ["measure_reach"]
 
@@ -31,10 +32,10 @@ def measure_reach(mesh: Mesh, profile: Profile) -> float:
 
 
 def _has_overhangs(mesh: Mesh, threshold_deg: float) -> bool:
-    """Return whether facets above the bottom of a part face down and are flatter than an angle from the horizontal."""
+    """Return whether a part has overhangs above its bottom: facets that face down, flatter than an angle in degrees."""
     a, b = (mesh.triangles[:, corner] - mesh.triangles[:, 0] for corner in (1, 2))
     normal = np.cross(a, b)
     length = np.linalg.norm(normal, axis=1)
-    is_flat = normal[:, 2] < -np.cos(np.deg2rad(max(threshold_deg, 5.0))) * length
+    is_flat = normal[:, 2] < -np.cos(np.deg2rad(limit_threshold(threshold_deg))) * length
     is_high = mesh.triangles[:, :, 2].max(axis=1) > mesh.bounds[0, 2] + _ABOVE_BED
     return bool(length[is_flat & is_high].sum() / 2 > _LEAST_AREA)

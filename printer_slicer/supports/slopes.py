@@ -12,15 +12,20 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import Areas, intersection, offset
 from printer_slicer.model import LayerPlan
 
-__all__ = ["compute_steps", "find_strips", "grow_by_step"]
+__all__ = ["compute_steps", "find_strips", "grow_by_step", "limit_threshold"]
 
 _FLATTEST = 5.0  # degrees; flatter surfaces always hang, because steps must stay finite
 _SLACK = 1e-3  # mm; more than the rounding of areas
 
 
+def limit_threshold(threshold_deg: float) -> float:
+    """Return the angle from the horizontal below which surfaces hang, degrees: the setting, or 5 if that is larger."""
+    return max(threshold_deg, _FLATTEST)
+
+
 def compute_steps(plan: LayerPlan, threshold_deg: float) -> Float:
     """Return how far (L,) a section may extend beyond the one below before it hangs, mm."""
-    slope = np.tan(np.deg2rad(max(threshold_deg, _FLATTEST)))
+    slope = np.tan(np.deg2rad(limit_threshold(threshold_deg)))
     return np.asarray(np.diff(plan.cut, prepend=0.0) / slope)
 
 

@@ -35,6 +35,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "slice what is not there": ("slice", "missing.stl", "--json"),
     "plan": ("plan", PARTS / "box.stl", *QUICK),
     "arrange": ("arrange", "missing.stl", "-o", "plate.3mf"),
+    "orient": ("orient", "missing.stl"),
     "contours": ("contours", "missing.stl", "-o", "-"),
     "draw": ("draw", BOX, "-o", "-", *QUICK),
     "check": ("check", "bad.gcode", "--strict", "--printer", "marlin_220"),

@@ -101,14 +101,12 @@ def _check_options(arguments: argparse.Namespace) -> None:
     """
     if arguments.output.suffix.lower() != _SUFFIX:
         raise UsageError(
-            f"-o {arguments.output}: the output is a 3MF file",
+            f"-o {arguments.output}: the name must end in {_SUFFIX}",
             remedy=f"Name it {arguments.output.stem}{_SUFFIX}",
         )
     for flag, is_given in (("--center", arguments.center is not None), ("--as-placed", arguments.as_placed)):
         if is_given:
-            raise UsageError(
-                f"{flag}: arranged parts have positions of their own", remedy=f"Leave out {flag}"
-            )
+            raise UsageError(f"{flag}: the command arrange chooses the positions", remedy=f"Leave out {flag}")
     check_writable(arguments.output)
     arguments.arrange = True
 

@@ -16,7 +16,7 @@ from printer_slicer.cli.arguments import (
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.orient_models import collect_row_facts, format_rotation
-from printer_slicer.cli.output import print_text, show_stages
+from printer_slicer.cli.output import print_text, show_stages, warn
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.texts import format_duration, format_significant
 
@@ -60,9 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
     with show_stages(arguments) as report:
         for path in dict.fromkeys(arguments.models):
             report(f"loading {path.name}")
-            mesh = load_model(path, units=arguments.units).mesh
+            model = load_model(path, units=arguments.units)
+            warn(arguments, [f"{path.name}: {note}" for note in model.notes])
             scale = arguments.scale[:3] if arguments.scale else 1.0
-            mesh = transform(mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+            mesh = transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
             keep_up = KEEP_ANY if arguments.keep_up is None else arguments.keep_up
             search: Search = "careful" if arguments.careful else "fast"
             tables.append(
@@ -93,7 +94,7 @@ def _format_table(path: Path, found: Orientations, most: int | None) -> str:
         f"  {'row':>3} {'cost':>8}{'print time':>12}{'support':>9}{'overhang':>11}{'deviation':>11}{'height':>10}"
         f"{'foot':>10}{'tilt':>6}   --rotate"
     )
-    lines = [f"{path.name}: ways to turn it; cost in minutes, deviation is the mean", head]
+    lines = [f"{path.name}: orientations; cost in minutes, deviation is the mean", head]
     for number, row in enumerate(found.rows, start=1):
         if most is None or number <= most or row.is_given:
             lines.append(_format_row(number, row, is_chosen=row is found.chosen))
@@ -105,7 +106,7 @@ def _format_row(number: int, row: Orientation, *, is_chosen: bool) -> str:
     """Format one row of the table."""
     notes = [
         *(["as in the file"] if row.is_given else []),
-        *([] if row.is_stable else ["falls over"]),
+        *([] if row.is_stable else ["may fall over"]),
         *([] if row.fits else ["does not fit"]),
         *(["sliced"] if row.is_sliced else []),
     ]
