@@ -101,7 +101,7 @@ def test_a_part_larger_than_the_bed_is_named() -> None:
         ps.PrinterSlicerError, match=r"sheet: the part with its brim is 1.* mm in x"
     ) as caught:
         ps.arrange([named("sheet", (215, 215, 1))], wide)
-    assert "without what surrounds it on the bed" in str(caught.value)
+    assert "without brim, raft or supports" in str(caught.value)
 
 
 def test_a_part_higher_than_the_printer_is_named() -> None:

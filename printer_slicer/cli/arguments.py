@@ -468,7 +468,7 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
     )
     where = group.add_mutually_exclusive_group()
     arrange = where.add_argument(
-        "--arrange", action="store_true", help="arrange the parts; default: if they overlap or have copies"
+        "--arrange", action="store_true", help="arrange the parts; default: if they overlap"
     )
     if not arranges:
         mark_advanced(arrange)

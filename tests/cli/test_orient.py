@@ -58,7 +58,7 @@ def test_a_part_that_lies_well_is_not_turned(tmp_path: Path) -> None:
     path.write_bytes(binary_stl(box((12, 9, 2)).triangles))
     outcome = typed("slice", str(path), "-o", str(output), "--orient", "fast", *QUICK)
 
-    assert "tile.stl: printed as it lies in its file" in outcome.err
+    assert "tile.stl: not rotated" in outcome.err
     assert "; tile.stl: not rotated by --orient fast" in output.read_text()
 
 
