@@ -18,15 +18,16 @@ _THINNEST: Final = 0.01  # mm
 
 def read_excluded_areas(printer: Printer) -> Areas:
     """Return `printer.excluded_areas` as one layer, mm."""
-    rings = [np.array(_orient(polygon)) for polygon in printer.excluded_polygons]
-    return normalize(Areas.from_rings([rings])) if rings else Areas.empty(1)
-
-
-def _orient(polygon: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of a polygon counter-clockwise."""
-    following = [*polygon[1:], polygon[0]]
-    twice = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(polygon, following, strict=True))
-    return list(polygon) if twice > 0 else list(polygon[::-1])
+    rings = [np.array(polygon) for polygon in printer.excluded_polygons]
+    if not rings:
+        return Areas.empty(1)
+    areas = Areas.from_rings([rings]).ring_area()
+    # Outlines of areas are counter-clockwise.
+    return normalize(
+        Areas.from_rings(
+            [[ring if area > 0 else ring[::-1] for ring, area in zip(rings, areas, strict=True)]]
+        )
+    )
 
 
 def enters_excluded_areas(lines: Sequence[Float], width: float, printer: Printer) -> bool:

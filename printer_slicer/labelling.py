@@ -115,7 +115,7 @@ def _contains_points(place: Float, z: float, item: PlateObject, part: Mesh) -> B
     """Return whether the section of an object at height `z` contains each point (n,) of `place` (n, 2)."""
     if not item.count or not item.low[2] <= z <= item.high[2]:
         return np.zeros(len(place), np.bool_)
-    facets = part.triangles[item.first : item.first + item.count]
+    facets = part.triangles[item.facets]
     above = facets[:, :, 2] > z
     facets = facets[above.any(axis=1) & ~above.all(axis=1)]
     begin, end = _cut_edges(facets, z, rising=True), _cut_edges(facets, z, rising=False)

@@ -153,7 +153,7 @@ def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]], pa
 
 def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     """Return the given objects of a part as one mesh."""
-    pieces = [part.triangles[item.first : item.first + item.count] for item in items]
+    pieces = [part.triangles[item.facets] for item in items]
     given = [one for one in (part.volumes, *(item.volumes for item in items)) if one]
     volumes = given[0].joined(given) if given else None
     return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=volumes)

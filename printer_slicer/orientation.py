@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
-import numpy as np
-
 from printer_slicer.arguments import check_arguments
 from printer_slicer.deviation import measure_deviation
 from printer_slicer.errors import PartError, UsageError
@@ -122,7 +120,7 @@ def _measure(mesh: Mesh, row: Orientation, profile: Profile) -> Orientation:
     prices, program = Prices(profile), stages.program
     minutes = float(move_seconds(program, profile).sum()) / 60
     filament = float(program.filament[roles_with(is_support=True)[program.role]].sum())
-    grams = float(prices.weigh(filament * np.pi / 4 * profile.material.filament_diameter**2))
+    grams = float(prices.weigh(filament * profile.material.filament_area))
     overhang = float(stages.overhangs.area.area().sum()) if stages.overhangs else 0.0
     stairs = measure_deviation(part, stages.sections, _N_POINTS).mean * row.surface_area
     volume = stairs + prices.gap * overhang

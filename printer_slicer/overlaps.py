@@ -94,4 +94,4 @@ def find_collisions(part: Mesh) -> Iterator[Overlap]:
 def _cut_object(part: Mesh, number: int, z: Float) -> Areas:
     """Return the solid sections of an object at heights (n,), mm."""
     item = part.objects[number]
-    return normalize(section_contours(part.triangles[item.first : item.first + item.count], z))
+    return normalize(section_contours(part.triangles[item.facets], z))

@@ -308,6 +308,6 @@ def _update_envelopes(items: Sequence[PlateObject], triangles: Float) -> tuple[P
     made = []
     for item in items:
         # A single object has all facets, even after a repair.
-        facets = triangles if len(items) == 1 else triangles[item.first : item.first + item.count]
+        facets = triangles if len(items) == 1 else triangles[item.facets]
         made.append(PlateObject.of(item.name, Mesh(facets).bounds, item.first, item.count, item.volumes))
     return tuple(made)

@@ -33,6 +33,7 @@ __all__ = [
     "parse_angles",
     "parse_box",
     "parse_copies",
+    "parse_distance",
     "parse_duration",
     "parse_factor",
     "parse_height",
@@ -74,6 +75,11 @@ def parse_address(text: str) -> tuple[str, int]:
     if not colon or not port.isdecimal() or int(port) > 65_535:
         raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, such as 127.0.0.1:8888")
     return host.strip("[]") or "127.0.0.1", int(port)
+
+
+def parse_distance(text: str) -> float:
+    """Parse a distance in mm, 0 or more."""
+    return _parse_checked_number(text, "a distance in mm, such as 6", lambda value: 0 <= value < 1000)
 
 
 def parse_factor(text: str) -> float:
@@ -544,7 +550,7 @@ def _add_plate_options(group: argparse._ArgumentGroup) -> None:
         group.add_argument(
             "--gap",
             metavar="MM",
-            type=parse_factor,
+            type=parse_distance,
             help="arrange the parts, with at least this distance between them; default: 6",
         )
     )

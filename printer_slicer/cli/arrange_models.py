@@ -156,7 +156,7 @@ def _extract_objects(mesh: Mesh, items: Sequence[PlateObject]) -> Mesh:
     counts = [item.count for item in items]
     firsts = np.cumsum([0, *counts[:-1]]).tolist()
     kept = tuple(replace(item, first=first) for item, first in zip(items, firsts, strict=True))
-    triangles = np.concatenate([mesh.triangles[item.first : item.first + item.count] for item in items])
+    triangles = np.concatenate([mesh.triangles[item.facets] for item in items])
     return replace(mesh, triangles=triangles, name=items[0].name, objects=kept)
 
 

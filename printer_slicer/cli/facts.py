@@ -51,7 +51,7 @@ def collect_slicing_facts(
         certificate: the certificate of the layer plan.
     """
     program, plan = stages.program, stages.sections.plan
-    area = np.pi * profile.material.filament_diameter**2 / 4
+    area = profile.material.filament_area
     return {
         "layers": plan.n_layers,
         "planner": plan.planner,

@@ -30,7 +30,7 @@ def collect_object_facts(stages: Stages, profile: Profile, seconds: Float) -> li
     labels, program = stages.labels, stages.program
     if labels is None:
         return []
-    grams_per_mm = np.pi * profile.material.filament_diameter**2 / 4 / 1000 * profile.material.density
+    grams_per_mm = profile.material.filament_area / 1000 * profile.material.density
     count = len(labels.names)
     own = labels.object_id >= 0
     time, length = (

@@ -39,7 +39,7 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
         return None
     carries = _mark_supports(program)
     filament = float(program.filament[carries & (program.role != Role.TRAVEL)].sum())
-    volume = filament * np.pi / 4 * profile.material.filament_diameter**2
+    volume = filament * profile.material.filament_area
     area = supports.area
     return {
         "style": _name_style(supports),

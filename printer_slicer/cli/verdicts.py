@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
-from math import pi
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -267,7 +266,7 @@ def _format_heights(heights: np.ndarray[Any, np.dtype[np.float64]]) -> str:
 
 def _compute_filament_grams(verdict: Verdict, profile: Profile) -> float:
     """Return the mass of the filament that was used, g."""
-    area = pi * profile.material.filament_diameter**2 / 4
+    area = profile.material.filament_area
     return verdict.report.filament * area / 1000 * profile.material.density
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import pi
 
 import numpy as np
 
@@ -43,7 +42,7 @@ def collect_print_facts(
     beads = np.concatenate([places[:-1][first], places[1:][first]])
     low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
     used = program.filament_used
-    grams = used * pi * material.filament_diameter**2 / 4000 * material.density
+    grams = used * material.filament_area / 1000 * material.density
     numbers = {
         "bed_x_middle": (left + right) / 2,
         "bed_y_middle": (front + back) / 2,
@@ -57,7 +56,7 @@ def collect_print_facts(
         "filament_used": used,
         "filament_used_g": grams,
         "print_seconds": seconds,
-        "extruded_volume": used * pi * material.filament_diameter**2 / 4,
+        "extruded_volume": used * material.filament_area,
         "total_cost": grams * material.cost / 1000,
         "first_layer_height": program.plan.top[0],
         "extrusion_width": profile.extrusion_width,

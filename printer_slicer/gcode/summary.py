@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from math import pi
 from typing import Final
 
 import numpy as np
@@ -59,7 +58,7 @@ def format_footer(program: Program, profile: Profile, seconds: float | None) -> 
 def _collect_statistics(program: Program, profile: Profile, seconds: float | None) -> Mapping[str, str]:
     """Return filament, cost, layers and time of the print."""
     material, used = profile.material, program.filament_used
-    volume = used * pi * material.filament_diameter**2 / 4
+    volume = used * material.filament_area
     grams = volume / 1000 * material.density
     figures = {
         "filament used [mm]": f"{used:.2f}",

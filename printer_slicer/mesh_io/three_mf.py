@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from printer_slicer.mesh_io.archive import Archive
     from printer_slicer.mesh_io.limits import Limits
 
-__all__ = ["read_three_mf"]
+__all__ = ["NAMESPACE_ROOT", "ROOT_MODEL_TYPE", "read_three_mf"]
 
 NAMESPACE_ROOT: Final = "http://schemas.microsoft.com/3dmanufacturing/"
 ELEMENT_PREFIXES: Final = ("", f"{NAMESPACE_ROOT}core/2015/02 ", f"{NAMESPACE_ROOT}2013/01 ")

@@ -14,12 +14,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from printer_slicer.arrays import Float
+from printer_slicer.mesh_io.three_mf import NAMESPACE_ROOT, ROOT_MODEL_TYPE
 from printer_slicer.model import Mesh
 from printer_slicer.values import Struct
 
 __all__ = ["BuildItem", "make_three_mf"]
 
-_CORE: Final = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+_CORE: Final = f"{NAMESPACE_ROOT}core/2015/02"
 _CONTENT_TYPES: Final = """\
 <?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -27,10 +28,10 @@ _CONTENT_TYPES: Final = """\
  <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
 </Types>
 """
-_RELATIONSHIPS: Final = """\
+_RELATIONSHIPS: Final = f"""\
 <?xml version="1.0" encoding="UTF-8"?>
 <Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
- <Relationship Target="/3D/3dmodel.model" Id="rel0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
+ <Relationship Target="/3D/3dmodel.model" Id="rel0" Type="{ROOT_MODEL_TYPE}"/>
 </Relationships>
 """
 _DATE: Final = (1980, 1, 1, 0, 0, 0)  # of the files in the archive
@@ -93,7 +94,7 @@ def _split_objects(mesh: Mesh) -> Iterator[tuple[str, Float]]:
         yield mesh.name, mesh.triangles
         return
     for one in mesh.objects:
-        yield one.name, mesh.triangles[one.first : one.first + one.count]
+        yield one.name, mesh.triangles[one.facets]
 
 
 def _write_object(number: int, name: str, triangles: Float) -> Iterator[str]:

@@ -42,6 +42,11 @@ class PlateObject(Struct, frozen=True):
         (x, y, z), (right, back, top) = bounds.tolist()
         return cls(name, (x, y, z), (right, back, top), first, count, volumes)
 
+    @property
+    def facets(self) -> slice:
+        """The range of its facets in the mesh."""
+        return slice(self.first, self.first + self.count)
+
     def moved(self, by: Float) -> PlateObject:
         """Return the object shifted by (x, y, z) mm."""
         volumes = self.volumes and self.volumes.moved(by)

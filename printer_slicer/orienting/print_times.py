@@ -154,5 +154,4 @@ class PrintTimes:
         fastest = self._profile.max_flow / (section * self._profile.material.flow_ratio)
         acceleration = getattr(self._profile.accelerations, role, 0) or self._profile.accelerations.default
         speed = np.minimum(getattr(self._profile.speeds, role), fastest)
-        reached = np.minimum(speed, np.sqrt(acceleration * chord))
-        return np.asarray((chord / np.maximum(reached, 1e-9) + reached / acceleration) / (chord * section))
+        return np.asarray(time_moves(chord, speed, acceleration) / (chord * section))

@@ -32,7 +32,7 @@ _NEAR: Final = np.cos(np.radians(4.0))
 _DOWN: Final = np.array([0.0, 0.0, -1.0])
 
 
-def find_fast_orientations(mesh: Mesh, profile: Profile, *, keep_up: float = 180.0) -> Orientations:
+def find_fast_orientations(mesh: Mesh, profile: Profile, *, keep_up: float) -> Orientations:
     """Return the best ways to turn a part, from estimates.
 
     Args:

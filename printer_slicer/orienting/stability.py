@@ -52,9 +52,8 @@ def may_stand(body: Body, down: Float, brim: float) -> Bool:
     begin, end = begin[edge], end[edge]
     share = (depth[row, begin] - lowest[row] + _FOOT_HEIGHT) / (depth[row, begin] - depth[row, end])
     places = corners[begin] + share[:, None] * (corners[end] - corners[begin])
-    x = np.cross(np.eye(3)[np.abs(down).argmin(axis=1)], down)
-    x /= norm(x)[:, None]
-    along, across = (dot(places, axis[row]) for axis in (x, np.cross(-down, x)))
+    frames = make_frame(down)
+    along, across = (dot(places, frames[row, axis]) for axis in (0, 1))
     may = np.zeros(len(down), np.bool_)
     first = np.flatnonzero(np.diff(row, prepend=-1))
     may[row[first]] = True
@@ -83,10 +82,10 @@ def is_stable(body: Body, down: Float, brim: float) -> bool:
 
 
 def make_frame(down: Float) -> Float:
-    """Return any axes x, y and z (3, 3) as rows, of which z points up from a direction (3,) that points down."""
-    across = np.cross(np.eye(3)[int(np.abs(down).argmin())], down)
-    across /= norm(across)
-    return np.stack([across, np.cross(-down, across), -down])
+    """Return any axes x, y, z (..., 3, 3) as rows, of which z points up, from directions (..., 3) that point down."""
+    across = np.cross(np.eye(3)[np.abs(down).argmin(axis=-1)], down)
+    across /= norm(across)[..., None]
+    return np.stack([across, np.cross(-down, across), -down], axis=-2)
 
 
 def measure_standing(body: Body, frame: Float, brim: float) -> Standing:
@@ -104,19 +103,14 @@ def measure_standing(body: Body, frame: Float, brim: float) -> Standing:
     crosses = (begin[:, 2] < level) != (end[:, 2] < level)
     begin, end = begin[crosses], end[crosses]
     share = (level - begin[:, 2]) / (end[:, 2] - begin[:, 2])
-    ring = convex_hull((begin + share[:, None] * (end - begin))[:, :2]).xy
+    hull = convex_hull((begin + share[:, None] * (end - begin))[:, :2])
+    ring = hull.xy
     if not len(ring):
         return Standing(0.0, -90.0, False)
     edges = np.roll(ring, -1, axis=0) - ring
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / norm(edges)[:, None]
     reach = float(((ring - center[:2]) * outward).sum(axis=1).min())
     tilt = float(np.degrees(np.arctan2(reach + brim, max(float(center[2] - lowest), 1e-9))))
-    foot = _measure_area(ring)
+    foot = float(hull.area().sum())
     wide = foot + brim * float(norm(edges).sum())
     return Standing(foot, tilt, reach > 0 and tilt > _LEAST_TILT and wide > (height / _SLIMNESS) ** 2)
-
-
-def _measure_area(ring: Float) -> float:
-    """Return the area of a counter-clockwise ring (n, 2), mm²."""
-    x, y = ring.T
-    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()) / 2

@@ -5,6 +5,7 @@ Help texts, tables and error messages are generated from these definitions. The 
 """
 
 # Annotations are not postponed: msgspec needs their values, and evaluates texts one by one.
+from math import pi
 from typing import Annotated, Final, Literal
 
 from msgspec import field
@@ -466,3 +467,8 @@ class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         float,
         make_meta("lowest speed to which min_layer_time may slow down extrusions", "mm/s", ge=1, le=100),
     ] = 12
+
+    @property
+    def filament_area(self) -> float:
+        """Cross-section of the filament, mm²."""
+        return pi * self.filament_diameter**2 / 4

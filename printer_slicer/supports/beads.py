@@ -37,7 +37,7 @@ from printer_slicer.supports.branches import find_second_loops
 from printer_slicer.supports.slim_columns import find_slim_columns
 from printer_slicer.values import Struct
 
-__all__ = ["lay_support_beads"]
+__all__ = ["compute_line_widths", "lay_support_beads"]
 
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
@@ -63,6 +63,12 @@ class _Widths(Struct, frozen=True, eq=False):
     spacing: Float
 
 
+def compute_line_widths(layers: LayerPlan, profile: Profile) -> Float:
+    """Return the width (L,) of the lines of supports in each layer, mm; it is at least the height of the layer."""
+    usual = bead.layer_widths(layers.n_layers, profile.width_of_first_layer, profile.extrusion_width)
+    return np.maximum(usual, layers.height)
+
+
 def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
     """Return the paths of supports, on the layers of their plan.
 
@@ -71,10 +77,7 @@ def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
         profile: spacings and loops of supports, and extrusion widths.
     """
     layers = supports.plan.layers
-    line = np.maximum(
-        bead.layer_widths(layers.n_layers, profile.width_of_first_layer, profile.extrusion_width),
-        layers.height,
-    )
+    line = compute_line_widths(layers, profile)
     widths = _Widths(line, bead.spacing(line, layers.height))
     slim = find_slim_columns(supports, profile.quality.support_spacing, widths.line)
     return Toolpaths.joined(

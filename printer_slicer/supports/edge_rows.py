@@ -10,13 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, Lines, hatch, offset
 from printer_slicer.model import Overhangs, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.supports.bare_places import BarePoints, find_bare_groups
+from printer_slicer.supports.beads import compute_line_widths
 
 __all__ = ["add_edge_rows"]
 
@@ -41,10 +41,7 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
     if not groups or not supports.base.n_rings:
         return paths
     layers = supports.plan.layers
-    width = np.maximum(
-        bead.layer_widths(layers.n_layers, profile.width_of_first_layer, profile.extrusion_width),
-        layers.height,
-    )
+    width = compute_line_widths(layers, profile)
     room = offset(supports.base, -width / 2)
     rows = [_make_row(group, room, supports, _SHORTEST * float(width[-1])) for group in groups]
     ends, layer = (np.concatenate(parts) for parts in zip(*rows, strict=True))

@@ -312,9 +312,7 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         names=role[is_new],
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
     )
-    tracker = UnsupportedTracker(
-        profile.printer.corners, pi * profile.material.filament_diameter**2 / 4, marks
-    )
+    tracker = UnsupportedTracker(profile.printer.corners, profile.material.filament_area, marks)
     for first in range(0, program.n_moves, _MOVES_AT_ONCE):
         last = min(first + _MOVES_AT_ONCE, program.n_moves)
         before = program.xyz[first - 1] if first else program.origin

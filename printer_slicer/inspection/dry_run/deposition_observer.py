@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from array import array
-from math import pi
 
 import numpy as np
 
@@ -33,7 +32,7 @@ class DepositionObserver:
     def __init__(self, job: Job, profile: Profile, comparison: Comparison) -> None:
         self.move_log = MoveLog(self._record_moves)
         self._comparison = comparison
-        area = pi * profile.material.filament_diameter**2 / 4
+        area = profile.material.filament_area
         self._recorder = DepositionRecorder(
             profile.printer.corners,
             area,

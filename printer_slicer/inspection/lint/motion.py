@@ -229,7 +229,7 @@ def _check_flow(
     moves: Moves, new_filament: Float, seconds: Float, profile: Profile
 ) -> Iterator[_CheckResult]:
     """Find moves whose flow exceeds the maximum of the material, including extrusion at standstill."""
-    volume = new_filament * np.pi * profile.material.filament_diameter**2 / 4
+    volume = new_filament * profile.material.filament_area
     extruding = (moves.delta[:, :2] != 0).any(axis=1) & (volume > 0)
     standing = ~extruding & (volume >= FLOW_WINDOW) & (seconds > 0)
     flow = np.zeros(len(volume))

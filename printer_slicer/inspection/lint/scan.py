@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import pi
 from pathlib import Path
 from typing import Final
 
@@ -190,7 +189,7 @@ def lint_text(
     pieces = read_moves_in_pieces(content.commands, printer.corners[0], dialect or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
     marks = marks_of(content.commands, text, content.marks, content.roles)
-    tracker = UnsupportedTracker(printer.corners, pi * profile.material.filament_diameter**2 / 4, marks)
+    tracker = UnsupportedTracker(printer.corners, profile.material.filament_area, marks)
     moves = map(summary.add, pieces)
     findings = scan(content.commands, profile, moves=moves, marks=content.marks, whole=True, tracker=tracker)
     lines = find_lines(text, [one.index for one in findings])
