@@ -11,9 +11,9 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.healing import repair
 from printer_slicer.model import Mesh
 from printer_slicer.orienting import (
+    CostModel,
     Orientation,
     Orientations,
-    Prices,
     find_fast_orientations,
     sort_orientations,
     turn_mesh,
@@ -67,7 +67,7 @@ def find_orientations(
     keep_up: float = KEEP_ANY,
     report: Report = quiet,
 ) -> Orientations:
-    """Compare the ways in which a part may be turned; arguments and errors are those of `orient`.
+    """Compare the orientations of a part; arguments and errors are those of `orient`.
 
         found = ps.find_orientations(mesh, profile)
         turned = ps.transform(mesh, rotate=found.chosen.rotate)
@@ -97,9 +97,9 @@ def _slice_best(mesh: Mesh, profile: Profile, found: Orientations, report: Repor
     # Overrides name objects of the whole plate, and heights of the part as given.
     profile = profile_with(profile, {"quality.support": style, "quality.overrides": []})
     repaired, _ = repair(mesh)
-    best = [row for row in found.rows if row.is_usable and not row.is_given][:_N_SLICED]
-    sliced, rest = [], [row for row in found.rows if row not in best and not row.is_given]
-    for number, row in enumerate([found.given, *best], start=1):
+    best = [row for row in found.rows if row.is_usable and not row.is_original][:_N_SLICED]
+    sliced, rest = [], [row for row in found.rows if row not in best and not row.is_original]
+    for number, row in enumerate([found.original, *best], start=1):
         report(f"slicing orientation {number} of {len(best) + 1}")
         sliced.append(_measure(repaired, row, profile))
     measured = [row for row in sliced if row.is_sliced]
@@ -117,19 +117,19 @@ def _measure(mesh: Mesh, row: Orientation, profile: Profile) -> Orientation:
         stages = slice_planned(part, plan_part(part, profile), profile, keep=False, trial=True)
     except PartError:
         return row
-    prices, program = Prices(profile), stages.program
+    cost_model, program = CostModel(profile), stages.program
     minutes = float(move_seconds(program, profile).sum()) / 60
     filament = float(program.filament[roles_with(is_support=True)[program.role]].sum())
-    grams = float(prices.weigh(filament * profile.material.filament_area))
+    grams = float(cost_model.compute_grams(filament * profile.material.filament_area))
     overhang = float(stages.overhangs.area.area().sum()) if stages.overhangs else 0.0
     stairs = measure_deviation(part, stages.sections, _N_POINTS).mean * row.surface_area
-    volume = stairs + prices.gap * overhang
+    volume = stairs + cost_model.gap * overhang
     return replace(
         row,
         minutes=minutes,
         support_g=grams,
         overhang=overhang,
         deviation=volume / row.surface_area,
-        cost=float(prices.compute_cost(minutes, grams, volume)),
+        cost=float(cost_model.compute_cost(minutes, grams, volume)),
         is_sliced=True,
     )

@@ -17,11 +17,11 @@ def test_the_careful_search_measures_the_best_rows_and_the_part_as_given() -> No
     found = ps.find_orientations(tee(), PROFILE, search="careful", report=stages.append)
     sliced = [row for row in found.rows if row.is_sliced]
 
-    assert found.given.is_sliced
+    assert found.original.is_sliced
     assert len(sliced) == 4
     assert found.rows[: len(sliced)] == tuple(sliced)
     assert [row.cost for row in sliced] == pytest.approx(sorted(row.cost for row in sliced), rel=0.01)
-    assert found.given.support_g > 1
+    assert found.original.support_g > 1
     assert found.chosen.support_g == 0
     assert stages[0] == "orienting"
     assert stages[-1] == "slicing orientation 4 of 4"
@@ -32,7 +32,7 @@ def test_measured_minutes_are_those_of_slicing() -> None:
     found = ps.find_orientations(part, PROFILE, search="careful")
     program = ps.slice_part(part, PROFILE)
 
-    assert found.given.minutes == pytest.approx(ps.move_seconds(program, PROFILE).sum() / 60, rel=1e-6)
+    assert found.original.minutes == pytest.approx(ps.move_seconds(program, PROFILE).sum() / 60, rel=1e-6)
 
 
 def test_a_mesh_without_facets_is_refused() -> None:

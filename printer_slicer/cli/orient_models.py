@@ -57,7 +57,7 @@ def turn_models(
         row = choose_row(found, arguments.orient_row)
         turned[path] = turn_mesh(mesh, row.rotate)
         facts.append({"file": str(path), **collect_row_facts(row)})
-        if row.is_given:
+        if row.is_original:
             comments.append(f"{path.name}: not rotated by --orient {how}")
         else:
             comments.append(
@@ -124,10 +124,10 @@ def format_rotation(row: Orientation) -> str:
 
 def _describe(row: Orientation, found: Orientations, *, is_chosen: bool) -> str:
     """Describe how a part is turned, and what this saves; `is_chosen` if the search chose this row."""
-    given = found.given
-    if row.is_given and row.is_usable:
+    given = found.original
+    if row.is_original and row.is_usable:
         return "not rotated" + (", because that would save less than 5 %" if is_chosen else "")
-    if row.is_given:
+    if row.is_original:
         return f"not rotated; it {_explain_unusable(row)}" + (
             " in every orientation that was compared" if is_chosen else ""
         )
@@ -150,17 +150,17 @@ def collect_row_facts(row: Orientation) -> dict[str, Any]:
     """Return the facts about a row for JSON."""
     return {
         "rotate": list(row.rotate),
-        "is_given": row.is_given,
+        "original": row.is_original,
         "usable": row.is_usable,
         "unusable_because": _explain_unusable(row) or None,
         "sliced": row.is_sliced,
         "cost_min": round(row.cost, 3),
-        "minutes": round(row.minutes, 3),
+        "seconds": round(60 * row.minutes, 3),
         "support_g": round(row.support_g, 3),
         "mean_deviation_mm": round(row.deviation, 5),
         "deviation_mm3": round(row.deviation_volume, 3),
         "height_mm": round(row.height, 4),
-        "foot_mm2": round(row.foot, 2),
+        "contact_area_mm2": round(row.contact_area, 2),
         "overhang_mm2": round(row.overhang, 2),
         "tilt_deg": round(row.tilt_deg, 2),
     }

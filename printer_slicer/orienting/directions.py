@@ -1,4 +1,4 @@
-"""Directions of a body that may point down to the bed."""
+"""Directions of a shape that may point down to the bed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.orienting.body import Body
+from printer_slicer.orienting.part_shape import PartShape
 
 __all__ = ["drop_near", "list_directions", "spread_directions"]
 
@@ -20,14 +20,14 @@ _UPRIGHT: Final = 0.05  # cosine between flats that count as perpendicular
 _N_SPREAD: Final = 200
 
 
-def list_directions(body: Body) -> Float:
-    """Return unit vectors (D, 3) in the axes of a body, which may point down.
+def list_directions(shape: PartShape) -> Float:
+    """Return unit vectors (D, 3) in the axes of a shape, which may point down.
 
     They are the directions of its flats, and of those of its convex hull, on which it can lie, the largest first; the
     axes and diagonals of the largest flats; and directions spread evenly over the sphere.
     """
-    flats = _list_hull_flats(body)
-    every = [body.flats, flats, _list_diagonals(flats), spread_directions(_N_SPREAD)]
+    flats = _list_hull_flats(shape)
+    every = [shape.flats, flats, _list_diagonals(flats), spread_directions(_N_SPREAD)]
     return drop_near(np.concatenate(every), _SAME_DIRECTION)
 
 
@@ -43,11 +43,11 @@ def spread_directions(count: int) -> Float:
     return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
 
 
-def _list_hull_flats(body: Body) -> Float:
+def _list_hull_flats(shape: PartShape) -> Float:
     """Return the unit normals (n, 3) of the largest flats of the convex hull, the largest first."""
-    if not len(body.hull_facets):
+    if not len(shape.hull_facets):
         return np.zeros((0, 3))
-    a, b, c = body.hull[body.hull_facets].transpose(1, 0, 2)
+    a, b, c = shape.hull[shape.hull_facets].transpose(1, 0, 2)
     vectors = np.cross(b - a, c - a) / 2
     area = norm(vectors)
     order = np.argsort(-area, kind="stable")
@@ -61,7 +61,7 @@ def _list_hull_flats(body: Body) -> Float:
 
 
 def _list_diagonals(flats: Float) -> Float:
-    """Return the axes and diagonals (26, 3) of a frame of the largest flats, or of the body if it has none."""
+    """Return the axes and diagonals (26, 3) of a frame of the largest flats, or of the shape if it has none."""
     frame = np.eye(3)
     if len(flats):
         upright = flats[np.abs(flats @ flats[0]) < _UPRIGHT]

@@ -1,4 +1,4 @@
-"""The ways in which a part may be turned, with the figures by which they are compared."""
+"""Orientations of a part, with the figures by which they are compared."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _GIVEN_MARGIN: Final = 0.05  # share of the cost that turning the part must save
 
 
 class Orientation(Struct, frozen=True):
-    """One way to turn a part.
+    """One orientation of a part.
 
     Attributes:
         rotate: degrees about the fixed axes x, y and z, in this order, as `transform` takes them.
@@ -22,10 +22,10 @@ class Orientation(Struct, frozen=True):
         deviation: mean distance of the printed surface from that of the part, mm.
         surface_area: area of the surface, mm².
         height: height of the turned part, mm.
-        foot: area of the convex hull of the part just above the bed, mm².
+        contact_area: area of the convex hull of the part just above the bed, mm².
         overhang: area of overhangs that need support, seen from above, mm².
         tilt_deg: how far the part can be tilted before it falls over, degrees; negative: it falls over at once.
-        is_given: whether this is how the part lies in its file.
+        is_original: whether this is how the part lies in its file.
         is_stable: whether the part stands safely on the bed.
         fits: whether the turned part fits the printer.
         is_sliced: whether minutes, grams and deviation were measured by slicing the part; else they are estimates.
@@ -38,10 +38,10 @@ class Orientation(Struct, frozen=True):
     deviation: float
     surface_area: float
     height: float
-    foot: float
+    contact_area: float
     overhang: float
     tilt_deg: float
-    is_given: bool = False
+    is_original: bool = False
     is_stable: bool = True
     fits: bool = True
     is_sliced: bool = False
@@ -58,7 +58,7 @@ class Orientation(Struct, frozen=True):
 
 
 class Orientations(Struct, frozen=True):
-    """Ways to turn a part, best first; those that are not usable come last.
+    """Orientations of a part, best first; those that are not usable come last.
 
     Attributes:
         rows: at least one; exactly one of them is the part as given.
@@ -67,13 +67,13 @@ class Orientations(Struct, frozen=True):
     rows: tuple[Orientation, ...]
 
     @property
-    def given(self) -> Orientation:
+    def original(self) -> Orientation:
         """The part as it lies in its file."""
-        return next(row for row in self.rows if row.is_given)
+        return next(row for row in self.rows if row.is_original)
 
     @property
     def chosen(self) -> Orientation:
         """The best row, or the part as given if the best one saves less than 5 %."""
-        best, given = self.rows[0], self.given
+        best, given = self.rows[0], self.original
         saves = best.cost < (1 - _GIVEN_MARGIN) * given.cost
         return best if best.is_usable and (saves or not given.is_usable) else given

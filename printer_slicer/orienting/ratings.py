@@ -1,4 +1,4 @@
-"""Rate a direction of a body by its layers, by supports that land on the part, and by how the part stands."""
+"""Rate a direction of a shape by its layers, by supports that land on the part, and by how the part stands."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry.raster import Float32
-from printer_slicer.orienting.body import Body
-from printer_slicer.orienting.columns import measure_columns
+from printer_slicer.orienting.cost_model import FLAT, CostModel, measure_stairs
 from printer_slicer.orienting.orientations import Orientation
-from printer_slicer.orienting.prices import FLAT, Prices, measure_stairs
+from printer_slicer.orienting.part_shape import PartShape
 from printer_slicer.orienting.stability import measure_standing
+from printer_slicer.orienting.support_estimate import estimate_supports
 from printer_slicer.orienting.surface_samples import TurnedSamples
 from printer_slicer.orienting.turning import find_angles
 from printer_slicer.planning.slopes import cusp_height
@@ -25,35 +25,35 @@ _STEEPEST_WEIGHT: Final = 8  # exponent of a mean in which the flattest slopes c
 _SLACK: Final = 1e-3  # mm
 
 
-def rate_frame(body: Body, frame: Float, profile: Profile, prices: Prices) -> Orientation:
-    """Rate a body that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
+def rate_frame(shape: PartShape, frame: Float, profile: Profile, cost_model: CostModel) -> Orientation:
+    """Rate a shape that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
 
     Args:
-        body: the part.
-        frame: axes of the turned part in the axes of the body.
+        shape: the part.
+        frame: axes of the turned part in the axes of the shape.
         profile: gives the size of the printer and the width of a brim.
-        prices: of time, support and deviation.
+        cost_model: of time, support and deviation.
     """
-    corners = body.hull @ frame.T
+    corners = shape.hull @ frame.T
     low, high = corners.min(axis=0), corners.max(axis=0)
-    samples = _turn_samples(body, frame, low)
+    samples = _turn_samples(shape, frame, low)
     size = high - low
-    seconds, stairs = _time_layers(samples, body.volume, size, prices, profile)
-    space, area = measure_columns(samples, prices)
-    extruded = prices.extrude_support(space, area)
-    minutes = (seconds + float(prices.times.compute_support_seconds(*extruded))) / 60
-    grams, overhang = float(prices.weigh(extruded.sum())), float(area.sum())
-    deviation = stairs + prices.gap * overhang
-    standing = measure_standing(body, frame, profile.quality.brim_width)
+    seconds, stairs = _time_layers(samples, shape.volume, size, cost_model, profile)
+    space, area = estimate_supports(samples, cost_model)
+    extruded = cost_model.compute_support_volume(space, area)
+    minutes = (seconds + float(cost_model.times.compute_support_seconds(*extruded))) / 60
+    grams, overhang = float(cost_model.compute_grams(extruded.sum())), float(area.sum())
+    deviation = stairs + cost_model.gap * overhang
+    standing = measure_standing(shape, frame, profile.quality.brim_width)
     return Orientation(
-        rotate=find_angles(frame @ body.axes),
-        cost=float(prices.compute_cost(minutes, grams, deviation)),
+        rotate=find_angles(frame @ shape.axes),
+        cost=float(cost_model.compute_cost(minutes, grams, deviation)),
         minutes=minutes,
         support_g=grams,
-        deviation=deviation / max(body.area, 1e-9),
-        surface_area=body.area,
+        deviation=deviation / max(shape.area, 1e-9),
+        surface_area=shape.area,
         height=float(size[2]),
-        foot=standing.foot,
+        contact_area=standing.contact_area,
         overhang=overhang,
         tilt_deg=standing.tilt_deg,
         is_stable=standing.is_stable,
@@ -61,15 +61,15 @@ def rate_frame(body: Body, frame: Float, profile: Profile, prices: Prices) -> Or
     )
 
 
-def _turn_samples(body: Body, frame: Float, low: Float) -> TurnedSamples:
-    """Return the samples of a body with the rows of `frame` (3, 3) as axes, from the corner `low` (3,) of its box."""
+def _turn_samples(shape: PartShape, frame: Float, low: Float) -> TurnedSamples:
+    """Return the samples of a shape with the rows of `frame` (3, 3) as axes, from the corner `low` (3,) of its box."""
     narrow = frame.astype(np.float32)
-    points = narrow @ body.samples.points - low.astype(np.float32)[:, None]
-    return TurnedSamples(points, narrow[2] @ body.samples.normals, body.samples.area, body.spacing)
+    points = narrow @ shape.samples.points - low.astype(np.float32)[:, None]
+    return TurnedSamples(points, narrow[2] @ shape.samples.normals, shape.samples.area, shape.spacing)
 
 
 def _time_layers(
-    samples: TurnedSamples, volume: float, size: Float, prices: Prices, profile: Profile
+    samples: TurnedSamples, volume: float, size: Float, cost_model: CostModel, profile: Profile
 ) -> tuple[float, float]:
     """Return the print time of the part without supports, s, and the volume of the stairs on its slopes, mm³.
 
@@ -77,10 +77,10 @@ def _time_layers(
         samples: of the turned part.
         volume: of the part, mm³.
         size: (3,) of the turned part, mm.
-        prices: of the profile.
+        cost_model: of the profile.
         profile: gives the tolerance of layers.
     """
-    times, step = prices.times, max(float(size[2]) / _N_BINS, 1e-9)
+    times, step = cost_model.times, max(float(size[2]) / _N_BINS, 1e-9)
     _, rise, area, _ = samples
     of = np.clip((samples.points[2] / np.float32(step)).astype(np.int64), 0, _N_BINS - 1)
 
@@ -95,12 +95,14 @@ def _time_layers(
     stairs = np.where(is_flat, np.float32(0), area * measure_stairs(slope, sine))
     solid = _spread(add_up(filled * (is_flat & (rise < 0))), times.bottom / step)
     solid += _spread(add_up(filled * (is_flat & (rise > 0))), -times.top / step)
-    height = _choose_heights(add_up(stairs * slope ** (_STEEPEST_WEIGHT - 1)), add_up(area), prices, profile)
+    height = _choose_heights(
+        add_up(stairs * slope ** (_STEEPEST_WEIGHT - 1)), add_up(area), cost_model, profile
+    )
     sections = _measure_sections(add_up(area * rise), volume)
     volumes = times.divide(add_up(area * sine), solid, add_up(filled * ~is_flat), sections)
     width = np.full(_N_BINS, float(np.hypot(*size[:2])) / 2)
     seconds = times.compute_seconds(volumes, step / height, width, height)
-    return float(seconds.sum()), float(add_up(stairs) @ height) * prices.stair_share
+    return float(seconds.sum()), float(add_up(stairs) @ height) * cost_model.stair_share
 
 
 def _measure_sections(upward: Float, volume: float) -> Float:
@@ -129,14 +131,14 @@ def _spread(values: Float, width: float) -> Float:
     return np.asarray(window[1:])
 
 
-def _choose_heights(powers: Float, area: Float, prices: Prices, profile: Profile) -> Float:
+def _choose_heights(powers: Float, area: Float, cost_model: CostModel, profile: Profile) -> Float:
     """Return the layer height (B,) in each bin, as the tolerance allows it for the flattest slopes, mm.
 
     Args:
         powers: (B,) area of slopes times a power of the vertical component of their normals, mm².
         area: (B,) mm².
-        prices: gives the range of layer heights.
+        cost_model: gives the range of layer heights.
         profile: gives the tolerance.
     """
     flattest = (powers / np.maximum(area, 1e-9)) ** (1 / _STEEPEST_WEIGHT)
-    return np.clip(cusp_height(profile) / np.maximum(flattest, 1e-9), *prices.times.heights)
+    return np.clip(cusp_height(profile) / np.maximum(flattest, 1e-9), *cost_model.times.heights)

@@ -10,7 +10,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.geometry import convex_hull
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Mesh
-from printer_slicer.orienting.body import Body
+from printer_slicer.orienting.part_shape import PartShape
 from printer_slicer.orienting.stability import make_frame
 from printer_slicer.placing import transform
 
@@ -20,23 +20,23 @@ _DIGITS: Final = 6  # of angles in degrees; 0.000 002 mm at a distance of 100 mm
 _SAME: Final = 1e-6  # relative to the size; smaller differences are rounding errors
 
 
-def find_upright_frame(body: Body, down: Float) -> Float:
-    """Return the axes x, y and z (3, 3) of the turned part as rows, in the axes of a body.
+def find_upright_frame(shape: PartShape, down: Float) -> Float:
+    """Return the axes x, y and z (3, 3) of the turned part as rows, in the axes of a shape.
 
     The part lies in the smallest rectangle seen from above, whose longer side is along x. Its centre of mass is left of
     the middle, or if it is in the middle, in front of it.
 
     Args:
-        body: the part.
+        shape: the part.
         down: (3,) unit vector that points down to the bed.
     """
     flat = make_frame(down)[:2]
-    outline = convex_hull(body.hull @ flat.T).xy
+    outline = convex_hull(shape.hull @ flat.T).xy
     along = _find_longest_side(outline) if len(outline) else np.array([1.0, 0.0])
     x = along @ flat
     frame = np.stack([x, np.cross(-down, x), -down])
-    low, high = (body.hull @ frame.T).min(axis=0), (body.hull @ frame.T).max(axis=0)
-    offset = frame @ body.center - (low + high) / 2
+    low, high = (shape.hull @ frame.T).min(axis=0), (shape.hull @ frame.T).max(axis=0)
+    offset = frame @ shape.center - (low + high) / 2
     slack = _SAME * float((high - low).max())
     is_behind = offset[0] > slack or (abs(offset[0]) <= slack and offset[1] > slack)
     frame[:2] *= -1.0 if is_behind else 1.0
@@ -46,13 +46,13 @@ def find_upright_frame(body: Body, down: Float) -> Float:
 def _find_longest_side(outline: Float) -> Float:
     """Return the direction (2,) of the longer side of the smallest rectangle around a convex outline (n, 2)."""
     edges = np.roll(outline, -1, axis=0) - outline
-    ways = edges / np.maximum(norm(edges), 1e-300)[:, None]
+    sides = edges / np.maximum(norm(edges), 1e-300)[:, None]
     sizes = np.stack(
-        [np.ptp(outline @ ways.T, axis=0), np.ptp(outline @ np.stack([-ways[:, 1], ways[:, 0]]), axis=0)]
+        [np.ptp(outline @ sides.T, axis=0), np.ptp(outline @ np.stack([-sides[:, 1], sides[:, 0]]), axis=0)]
     )
     area = sizes.prod(axis=0)
     best = int((area <= area.min() * (1 + _SAME)).argmax())
-    x, y = ways[best]
+    x, y = sides[best]
     return np.array([x, y]) if sizes[0, best] >= sizes[1, best] * (1 - _SAME) else np.array([-y, x])
 
 

@@ -13,9 +13,9 @@ import printer_slicer as ps
 from printer_slicer.arrays import Float
 from printer_slicer.deviation import measure_deviation
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.orienting.body import measure_body
+from printer_slicer.orienting.cost_model import CostModel
 from printer_slicer.orienting.directions import list_directions, spread_directions
-from printer_slicer.orienting.prices import Prices
+from printer_slicer.orienting.part_shape import measure_shape
 from printer_slicer.orienting.ratings import rate_frame
 from printer_slicer.orienting.rough_ratings import rate_roughly
 from printer_slicer.orienting.stability import is_stable, make_frame, may_stand, measure_standing
@@ -53,32 +53,32 @@ def matrix_of(angles: tuple[float, float, float]) -> Float:
 
 @pytest.mark.parametrize("mesh", [box((20, 10, 5)), BRACE, cone(), sphere(), sheared_prism()])
 def test_a_body_has_the_area_volume_and_size_of_its_part(mesh: ps.Mesh) -> None:
-    body = measure_body(mesh.triangles)
+    shape = measure_shape(mesh.triangles)
     a, b, c = mesh.triangles.transpose(1, 0, 2)
 
-    assert body.volume == pytest.approx(mesh.volume, rel=1e-4)
-    assert body.area == pytest.approx(norm(np.cross(b - a, c - a)).sum() / 2, rel=1e-4)
-    assert body.axes @ body.axes.T == pytest.approx(np.eye(3), abs=1e-9)
-    assert np.linalg.det(body.axes) == pytest.approx(1)
-    assert (body.samples.normals * body.samples.area).sum(axis=1) == pytest.approx(np.zeros(3), abs=0.1)
-    assert np.ptp(body.hull @ body.axes, axis=0) == pytest.approx(mesh.size, rel=0.01)
+    assert shape.volume == pytest.approx(mesh.volume, rel=1e-4)
+    assert shape.area == pytest.approx(norm(np.cross(b - a, c - a)).sum() / 2, rel=1e-4)
+    assert shape.axes @ shape.axes.T == pytest.approx(np.eye(3), abs=1e-9)
+    assert np.linalg.det(shape.axes) == pytest.approx(1)
+    assert (shape.samples.normals * shape.samples.area).sum(axis=1) == pytest.approx(np.zeros(3), abs=0.1)
+    assert np.ptp(shape.hull @ shape.axes, axis=0) == pytest.approx(mesh.size, rel=0.01)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_turned_part_has_the_same_body(seed: int) -> None:
-    one, other = (measure_body(mesh.triangles) for mesh in (BRACE, rotated(BRACE, rotation(seed))))
+    one, other = (measure_shape(mesh.triangles) for mesh in (BRACE, rotated(BRACE, rotation(seed))))
 
     assert other.axes @ rotation(seed) == pytest.approx(one.axes, abs=1e-4)
     assert other.center == pytest.approx(one.center, abs=1e-3)
 
 
 def test_inverted_facets_make_no_difference() -> None:
-    one, other = (measure_body(triangles) for triangles in (BRACE.triangles, BRACE.triangles[:, ::-1]))
+    one, other = (measure_shape(triangles) for triangles in (BRACE.triangles, BRACE.triangles[:, ::-1]))
 
     assert other.volume == pytest.approx(one.volume)
     assert (other.samples.normals[2] @ other.samples.area) == pytest.approx(0, abs=0.1)
-    assert rate_frame(other, other.axes.T, PROFILE, Prices(PROFILE)).overhang == pytest.approx(
-        rate_frame(one, one.axes.T, PROFILE, Prices(PROFILE)).overhang, rel=0.02
+    assert rate_frame(other, other.axes.T, PROFILE, CostModel(PROFILE)).overhang == pytest.approx(
+        rate_frame(one, one.axes.T, PROFILE, CostModel(PROFILE)).overhang, rel=0.02
     )
 
 
@@ -86,13 +86,13 @@ def test_inverted_facets_make_no_difference() -> None:
 
 
 def test_directions_are_unit_vectors_that_include_all_flats() -> None:
-    body = measure_body(BRACE.triangles)
-    down = list_directions(body)
+    shape = measure_shape(BRACE.triangles)
+    down = list_directions(shape)
 
     assert norm(down) == pytest.approx(1)
     assert len(down) > 200
     for flat in np.concatenate([np.eye(3), -np.eye(3)]):
-        assert (down @ (body.axes @ flat)).max() == pytest.approx(1, abs=1e-5)
+        assert (down @ (shape.axes @ flat)).max() == pytest.approx(1, abs=1e-5)
 
 
 def test_spread_directions_leave_no_gap() -> None:
@@ -115,9 +115,9 @@ def test_angles_of_quarter_turns_give_the_rotation_back(angles: tuple[float, flo
 
 @given(st.integers(0, 10_000))
 def test_a_frame_is_a_rotation_with_the_longest_side_along_x(seed: int) -> None:
-    body, down = measure_body(BRACE.triangles), rotation(seed)[0]
-    frame = find_upright_frame(body, down)
-    size = np.ptp(body.hull @ frame.T, axis=0)
+    shape, down = measure_shape(BRACE.triangles), rotation(seed)[0]
+    frame = find_upright_frame(shape, down)
+    size = np.ptp(shape.hull @ frame.T, axis=0)
 
     assert frame @ frame.T == pytest.approx(np.eye(3), abs=1e-9)
     assert np.linalg.det(frame) == pytest.approx(1)
@@ -150,25 +150,25 @@ def test_a_frame_is_a_rotation_with_the_longest_side_along_x(seed: int) -> None:
 def test_a_part_stands_by_the_hull_of_its_foot_and_its_centre_of_mass(
     mesh: ps.Mesh, stands: bool, tilt: float
 ) -> None:
-    body = measure_body(mesh.triangles)
-    found = measure_standing(body, body.axes.T, 0.0)
+    shape = measure_shape(mesh.triangles)
+    found = measure_standing(shape, shape.axes.T, 0.0)
 
     assert found.is_stable == stands
     assert found.tilt_deg == pytest.approx(tilt, abs=2)
 
 
 def test_a_brim_holds_a_slim_part() -> None:
-    body = measure_body(box((4, 4, 60)).triangles)
+    shape = measure_shape(box((4, 4, 60)).triangles)
 
-    assert measure_standing(body, body.axes.T, 5.0).is_stable
+    assert measure_standing(shape, shape.axes.T, 5.0).is_stable
 
 
 @pytest.mark.parametrize("make", SHAPES)
 def test_no_stable_direction_is_missed_by_the_check_of_all_at_once(make: Callable[[], ps.Mesh]) -> None:
-    body = measure_body(make().triangles)
-    down = list_directions(body)
-    may = may_stand(body, down, 0.0)
-    stable = np.array([is_stable(body, one, 0.0) for one in down])
+    shape = measure_shape(make().triangles)
+    down = list_directions(shape)
+    may = may_stand(shape, down, 0.0)
+    stable = np.array([is_stable(shape, one, 0.0) for one in down])
 
     assert stable.any()
     assert (may >= stable).all()
@@ -181,8 +181,8 @@ def test_no_stable_direction_is_missed_by_the_check_of_all_at_once(make: Callabl
 @pytest.mark.parametrize("make", [tee, bracket, mushroom, lambda: BRACE, lambda: cone(10, 20), box_with_hole])
 def test_estimates_resemble_what_slicing_measures(make: Callable[[], ps.Mesh]) -> None:
     mesh = make()
-    body = measure_body(mesh.triangles)
-    rated = rate_frame(body, body.axes.T, PROFILE, Prices(PROFILE))
+    shape = measure_shape(mesh.triangles)
+    rated = rate_frame(shape, shape.axes.T, PROFILE, CostModel(PROFILE))
     stages = ps.slice_stages(mesh, SUPPORTED)
     minutes = ps.move_seconds(stages.program, SUPPORTED).sum() / 60
 
@@ -194,8 +194,8 @@ def test_estimates_resemble_what_slicing_measures(make: Callable[[], ps.Mesh]) -
 def test_the_deviation_of_slopes_is_that_of_their_stairs() -> None:
     part = pyramid(20, 20)
     stages = ps.slice_stages(part, PROFILE)
-    body = measure_body(part.triangles)
-    rated = rate_frame(body, body.axes.T, PROFILE, Prices(PROFILE))
+    shape = measure_shape(part.triangles)
+    rated = rate_frame(shape, shape.axes.T, PROFILE, CostModel(PROFILE))
 
     assert rated.deviation == pytest.approx(
         measure_deviation(stages.part, stages.sections, 8000).mean, rel=0.15
@@ -204,8 +204,8 @@ def test_the_deviation_of_slopes_is_that_of_their_stairs() -> None:
 
 def test_supports_land_on_the_part_and_bridges_need_none() -> None:
     def rate(mesh: ps.Mesh) -> ps.Orientation:
-        body = measure_body(mesh.triangles)
-        return rate_frame(body, body.axes.T, PROFILE, Prices(PROFILE))
+        shape = measure_shape(mesh.triangles)
+        return rate_frame(shape, shape.axes.T, PROFILE, CostModel(PROFILE))
 
     def roofed(span: float) -> ps.Mesh:
         walls = [box((4, 30, 40)), box((4, 30, 40), at=(4 + span, 0, 0))]
@@ -223,11 +223,13 @@ def test_supports_land_on_the_part_and_bridges_need_none() -> None:
 
 @pytest.mark.parametrize("make", SHAPES)
 def test_rough_ratings_rank_directions_nearly_as_better_ones(make: Callable[[], ps.Mesh]) -> None:
-    body, prices = measure_body(make().triangles), Prices(PROFILE)
-    down = list_directions(body)
-    down = down[may_stand(body, down, 0.0)]
-    rough = rate_roughly(body, down, prices)
-    better = np.array([rate_frame(body, find_upright_frame(body, one), PROFILE, prices).cost for one in down])
+    shape, cost_model = measure_shape(make().triangles), CostModel(PROFILE)
+    down = list_directions(shape)
+    down = down[may_stand(shape, down, 0.0)]
+    rough = rate_roughly(shape, down, cost_model)
+    better = np.array(
+        [rate_frame(shape, find_upright_frame(shape, one), PROFILE, cost_model).cost for one in down]
+    )
 
     assert better[np.argsort(rough)[:12]].min() <= 1.01 * better.min()
 
@@ -261,7 +263,7 @@ def test_the_answer_does_not_depend_on_the_turn_in_the_file(make: Callable[[], p
 
     assert found.cost == pytest.approx(usual.cost, rel=0.01)
     assert found.height == pytest.approx(usual.height, abs=0.05)
-    assert found.foot == pytest.approx(usual.foot, rel=0.02)
+    assert found.contact_area == pytest.approx(usual.contact_area, rel=0.02)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -277,7 +279,7 @@ def test_a_part_that_is_almost_right_stays_as_it_is() -> None:
     part = box((20, 20, 20), at=(5, 6, 7))
     found = ps.find_orientations(part, PROFILE)
 
-    assert found.chosen is found.given
+    assert found.chosen is found.original
     assert ps.orient(part, PROFILE) is part
 
 
@@ -302,7 +304,7 @@ def test_a_part_that_falls_over_is_turned_although_that_costs_more() -> None:
     part = rotated(pyramid(), np.diag([1.0, -1.0, -1.0]))
     found = ps.find_orientations(part, PROFILE)
 
-    assert not found.given.is_usable
+    assert not found.original.is_usable
     assert found.chosen.is_usable
     assert all(row.is_stable for row in found.rows if row.is_usable)
 
@@ -311,7 +313,7 @@ def test_a_part_that_is_too_long_for_the_bed_is_set_upright() -> None:
     part = box((230, 70, 60))
     found = ps.find_orientations(part, PROFILE)
 
-    assert not found.given.fits
+    assert not found.original.fits
     assert found.chosen.fits
     assert ps.orient(part, PROFILE).height == pytest.approx(230)
 

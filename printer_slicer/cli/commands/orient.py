@@ -1,4 +1,4 @@
-"""`orient`: compare the ways in which a part may be turned."""
+"""`orient`: compare the orientations of a part."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `orient`."""
     parser.add_argument("models", metavar="MODEL", type=Path, nargs="+", help="models (STL, 3MF, STEP, ...)")
     parser.add_argument(
-        "--careful", action="store_true", help="slice the best three ways, instead of comparing estimates"
+        "--careful",
+        action="store_true",
+        help="slice the best three orientations, instead of comparing estimates",
     )
     add_keep_up_option(parser, "--keep-up")
     parser.add_argument("--all", action="store_true", help=f"show all rows, not only the first {_MOST_ROWS}")
@@ -50,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare the ways in which each part may be turned."""
+    """Compare the orientations of each part."""
     from printer_slicer.mesh_io import load_model
     from printer_slicer.orientation import KEEP_ANY, find_orientations
     from printer_slicer.placing import transform
@@ -92,11 +94,11 @@ def _format_table(path: Path, found: Orientations, most: int | None) -> str:
     """Format the rows of a model: the first ones, the part as given and the chosen one."""
     head = (
         f"  {'row':>3} {'cost':>8}{'print time':>12}{'support':>9}{'overhang':>11}{'deviation':>11}{'height':>10}"
-        f"{'foot':>10}{'tilt':>6}   --rotate"
+        f"{'contact':>10}{'tilt':>6}   --rotate"
     )
     lines = [f"{path.name}: orientations; cost in minutes, deviation is the mean", head]
     for number, row in enumerate(found.rows, start=1):
-        if most is None or number <= most or row.is_given:
+        if most is None or number <= most or row.is_original:
             lines.append(_format_row(number, row, is_chosen=row is found.chosen))
     lines.append("  *: chosen by --orient; choose another row with --orient-row N, or with its --rotate")
     return "\n".join(lines)
@@ -105,7 +107,7 @@ def _format_table(path: Path, found: Orientations, most: int | None) -> str:
 def _format_row(number: int, row: Orientation, *, is_chosen: bool) -> str:
     """Format one row of the table."""
     notes = [
-        *(["as in the file"] if row.is_given else []),
+        *(["as in the file"] if row.is_original else []),
         *([] if row.is_stable else ["may fall over"]),
         *([] if row.fits else ["does not fit"]),
         *(["sliced"] if row.is_sliced else []),
@@ -113,7 +115,7 @@ def _format_row(number: int, row: Orientation, *, is_chosen: bool) -> str:
     values = (
         f"{row.cost:>8.1f}{format_duration(60 * row.minutes):>12}{format_significant(row.support_g) + ' g':>9}"
         f"{row.overhang:>7.0f} mm²{row.deviation:>8.3f} mm{row.height:>7.1f} mm"
-        f"{row.foot:>6.0f} mm²{row.tilt_deg:>5.0f}°"
+        f"{row.contact_area:>6.0f} mm²{row.tilt_deg:>5.0f}°"
     )
     note = f"   ({', '.join(notes)})" if notes else ""
     return f"{'*' if is_chosen else ' ':>2}{number:>3} {values}   {format_rotation(row)}{note}"

@@ -1,6 +1,6 @@
-"""The body of a part in axes of its own, with samples of its surface and the corners of its convex hull.
+"""The shape of a part in axes of its own, with samples of its surface and the corners of its convex hull.
 
-The axes are the principal axes of the surface, from its centroid. So a part has the same body however it lies in its
+The axes are the principal axes of the surface, from its centroid. So a part has the same shape however it lies in its
 file, except for rounding.
 """
 
@@ -18,14 +18,14 @@ from printer_slicer.geometry.vectors import norm
 from printer_slicer.orienting.surface_samples import SurfaceSamples, pool_samples, sample_surface
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["Body", "measure_body"]
+__all__ = ["PartShape", "measure_shape"]
 
 _N_SAMPLES: Final = 12_000  # roughly; so many samples of equal size would cover the surface
-_MOST_STEPS: Final = 500  # between samples, per length of the body
-_COARSE_CELLS: Final = 12  # per length of the body, in which samples are pooled for rough ratings
+_MOST_STEPS: Final = 500  # between samples, per length of the shape
+_COARSE_CELLS: Final = 12  # per length of the shape, in which samples are pooled for rough ratings
 _COARSE_STEPS: Final = 4  # of a component of the normal, for the same purpose
 _HULL_CELLS: Final = (
-    64  # per length of the body; of the corners in a cell, only the outermost counts for the hull
+    64  # per length of the shape; of the corners in a cell, only the outermost counts for the hull
 )
 _HULL_TOLERANCE: Final = 2e-4  # of the size
 _MOST_CELLS: Final = 128  # along an axis
@@ -33,10 +33,10 @@ _RADIUS_STEPS: Final = 1 << 30
 _FLAT_STEPS: Final = 64  # of a component of the normal from 0 to 1; facets of a flat have the same
 _MOST_FLATS: Final = 60
 _LEAST_FLAT: Final = 2e-3  # area of a flat, relative to the surface
-_SYMMETRIC: Final = 1e-4  # third moment, relative to the size, below which a body counts as symmetric
+_SYMMETRIC: Final = 1e-4  # third moment, relative to the size, below which a shape counts as symmetric
 
 
-class Body(Struct, frozen=True, eq=False):
+class PartShape(Struct, frozen=True, eq=False):
     """A part in axes of its own.
 
     Attributes:
@@ -72,8 +72,8 @@ class Body(Struct, frozen=True, eq=False):
         return float(self.samples.area.sum())
 
 
-def measure_body(triangles: Float, name: str = "part") -> Body:
-    """Measure the body of triangles (F, 3, 3), mm; if they are inverted, they are turned round together.
+def measure_shape(triangles: Float, name: str = "part") -> PartShape:
+    """Measure the shape of triangles (F, 3, 3), mm; if they are inverted, they are turned round together.
 
     Raises:
         MeshError: no triangle has an area.
@@ -103,7 +103,7 @@ def measure_body(triangles: Float, name: str = "part") -> Body:
     exact = (corners.transpose(1, 0, 2).reshape(3, -1)[:, outer] - centroid).T @ axes.T
     facets = find_hull_facets(exact, _HULL_TOLERANCE * size)
     used, numbers = compact_ids(facets.ravel(), len(exact))
-    return Body(
+    return PartShape(
         axes,
         samples,
         pool_samples(samples, size / _COARSE_CELLS, _COARSE_STEPS),

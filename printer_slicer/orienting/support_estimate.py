@@ -12,10 +12,10 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, unique_inverse
 from printer_slicer.geometry.raster import Float32
-from printer_slicer.orienting.prices import FLAT, GENTLE, Prices
+from printer_slicer.orienting.cost_model import FLAT, GENTLE, CostModel
 from printer_slicer.orienting.surface_samples import TurnedSamples
 
-__all__ = ["measure_columns"]
+__all__ = ["estimate_supports"]
 
 _CELL: Final = 2.0  # distances between samples, so that hardly a cell has none
 _SAME_SURFACE: Final = 0.75  # cells; samples of one surface in a cell differ by less in height
@@ -25,24 +25,24 @@ _LEVEL: Final = 0.5  # cells; samples of one bridge differ by less in height
 _STEEP: Final = 0.5  # vertical component of the normals of walls that may carry the end of a bridge
 
 
-def measure_columns(samples: TurnedSamples, prices: Prices) -> tuple[Float, Float]:
+def estimate_supports(samples: TurnedSamples, cost_model: CostModel) -> tuple[Float, Float]:
     """Return the space (2,) below gentle and steeper overhangs, mm³, and their area (2,) seen from above, mm².
 
     Args:
         samples: of the turned part.
-        prices: settings of supports.
+        cost_model: settings of supports.
     """
     z, rise = samples.points[2], samples.rise
-    hangs = np.flatnonzero((-rise > prices.overhang_cosine) & (z > prices.on_bed))
+    hangs = np.flatnonzero((-rise > cost_model.overhang_cosine) & (z > cost_model.on_bed))
     if not len(hangs):
         return np.zeros(2), np.zeros(2)
     cell = _CELL * samples.spacing
     place = _find_cells(samples.points, cell)
     floor, is_open = _find_floors(
-        samples, place[0] * (int(place[1].max()) + 2) + place[1], hangs, cell, prices
+        samples, place[0] * (int(place[1].max()) + 2) + place[1], hangs, cell, cost_model
     )
     hangs, floor = hangs[is_open], floor[is_open]
-    stays = ~_find_bridges(samples, place, hangs, cell, prices.max_bridge)
+    stays = ~_find_bridges(samples, place, hangs, cell, cost_model.max_bridge)
     hangs, floor = hangs[stays], floor[stays]
     seen = (samples.area[hangs] * -rise[hangs]).astype(np.float64)
     kind = (-rise[hangs] <= GENTLE).astype(np.int64)
@@ -59,18 +59,18 @@ def _find_cells(points: Float32, cell: float) -> tuple[Int, Int]:
 
 
 def _find_floors(
-    samples: TurnedSamples, key: Int, hangs: Int, cell: float, prices: Prices
+    samples: TurnedSamples, key: Int, hangs: Int, cell: float, cost_model: CostModel
 ) -> tuple[Float, Bool]:
     """Return the height (h,) on which the column below each overhang stands, mm, and whether there is room for it.
 
-    There is none inside another body of the part. Inside, the surfaces above face up more than down.
+    There is none inside another shape of the part. Inside, the surfaces above face up more than down.
 
     Args:
         samples: of the turned part.
         key: (n,) number of the cell of each sample.
         hangs: (h,) samples of overhangs.
         cell: size of a cell, mm.
-        prices: settings of supports.
+        cost_model: settings of supports.
     """
     z = samples.points[2].astype(np.float64)
     step = float(z.max()) + 2 * cell
@@ -82,13 +82,13 @@ def _find_floors(
     above = faced[np.searchsorted(rank, (key[hangs] + 1) * step - cell)] - faced[lower]
     floor = np.zeros(len(hangs))
     up = np.flatnonzero(samples.rise[order] > _FACES_UP)
-    if len(up) and prices.lands_on_part:
+    if len(up) and cost_model.lands_on_part:
         nearest = up[
-            np.maximum(np.searchsorted(rank[up], key[hangs] * step + z[hangs] + prices.on_bed) - 1, 0)
+            np.maximum(np.searchsorted(rank[up], key[hangs] * step + z[hangs] + cost_model.on_bed) - 1, 0)
         ]
         found = key[order[nearest]] == key[hangs]
         floor[found] = np.minimum(z[order[nearest[found]]], z[hangs[found]])
-    return floor, (z[hangs] - floor > prices.on_bed) & (above < _INSIDE * cell**2)
+    return floor, (z[hangs] - floor > cost_model.on_bed) & (above < _INSIDE * cell**2)
 
 
 def _find_bridges(

@@ -13,7 +13,7 @@ from printer_slicer.orienting.print_times import PrintTimes
 from printer_slicer.profile import Profile
 from printer_slicer.supports.slopes import limit_threshold
 
-__all__ = ["FLAT", "GENTLE", "Prices", "measure_stairs"]
+__all__ = ["FLAT", "GENTLE", "CostModel", "measure_stairs"]
 
 FLAT: Final = 0.9995
 """Cosine of the angle from the horizontal below which a surface is flat: layers can end on it, so it has no stairs."""
@@ -28,8 +28,8 @@ _SMALLEST_STEP: Final = 0.5  # of a layer height; lower places count as lying on
 def measure_stairs(slope: Float32, sine: Float32) -> Float32:
     """Return the mean distance (...,) of a slope from its stairs, for stairs that cross it at every half of a step.
 
-    It is a multiple of `Prices.stair_share` times the layer height: from 0 on walls to 1 on flats. A point of the slope
-    is nearest to the wall or to the tread of a step.
+    It is a multiple of `CostModel.stair_share` times the layer height: from 0 on walls to 1 on flats. A point of the
+    slope is nearest to the wall or to the tread of a step.
 
     Args:
         slope: (...,) cosine of the angle of the surface from the horizontal.
@@ -38,8 +38,8 @@ def measure_stairs(slope: Float32, sine: Float32) -> Float32:
     return np.asarray(slope / (slope + sine))
 
 
-class Prices:
-    """Times and prices with one profile.
+class CostModel:
+    """Print times and prices with one profile.
 
     Args:
         profile: gives the speeds, the settings of supports, and the prices.
@@ -64,7 +64,7 @@ class Prices:
         )
         self._roof = quality.support_interface_layers * self.times.layer_height * min(1.0, dense)
 
-    def extrude_support(self, space: Float, area: Float) -> Float:
+    def compute_support_volume(self, space: Float, area: Float) -> Float:
         """Return the volume (2, ...) extruded for supports of gentle and of steeper overhangs, mm³.
 
         Args:
@@ -74,7 +74,7 @@ class Prices:
         wide, narrow = space * self._share + area * self._roof
         return np.stack([wide, narrow * _SLOPE_SUPPORT])
 
-    def weigh(self, extruded: Float | float) -> Float:
+    def compute_grams(self, extruded: Float | float) -> Float:
         """Return the weight (...,) of an extruded volume (...,) in mm³, g."""
         return np.asarray(extruded * self._density)
 
