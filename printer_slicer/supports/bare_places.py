@@ -57,7 +57,7 @@ class BareReasons(Struct, frozen=True, eq=False):
             near = np.flatnonzero(np.abs(places[:, 2] - z) <= _NEAR)
             if not len(near) or not len(points):
                 continue
-            away = norm(places[near, None, :2] - points[None]).min(axis=1)
+            away = _measure_to_some(places[near, :2], points)
             if away.min() <= _NEAR:
                 return reasons[int(near[np.argmin(away)])]
         return NO_WAY
@@ -306,7 +306,7 @@ def _describe(
     centre = own[np.argmin(norm(own - own.mean(axis=0)))].tolist()
     # The corners of an island only count where nothing else of it is listed.
     counted = ~points.island if not points.island.all() else points.island
-    some = np.linspace(0, len(points.layer) - 1, min(len(points.layer), _MOST_POINTS)).astype(np.int64)
+    some = _choose_some(len(points.layer))
     distance = 0.0
     for layer in distinct(points.layer[some]).tolist():
         at = points.xy[some[points.layer[some] == layer]]
@@ -323,6 +323,19 @@ def _describe(
         is_island=bool(points.island.any()),
         free_distance=distance,
     )
+
+
+def _measure_to_some(places: Float, points: Float) -> Float:
+    """Return the distance (n,) of places (n, 2) to the nearest of up to 300 of the points (m, 2), mm."""
+    away = np.full(len(places), np.inf)
+    for point in points[_choose_some(len(points))]:  # a table of all pairs would not fit into memory
+        np.minimum(away, norm(places - point), out=away)
+    return away
+
+
+def _choose_some(count: int) -> Int:
+    """Return the indices of up to 300 of `count` points, evenly distributed."""
+    return np.linspace(0, count - 1, min(count, _MOST_POINTS)).astype(np.int64)
 
 
 def _measure_to_part(points: Float, z: float, away: Float, sections: Sections) -> Float:

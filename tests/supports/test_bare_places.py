@@ -126,3 +126,12 @@ def test_areas_do_not_depend_on_heights_of_layers(share: float) -> None:
         low = paths.take(np.flatnonzero(paths.z_top < 10 + 6 * share))
         areas.append(sum(one.area for one in list_bare_places(overhangs, low, sections, profile, NOTHING)))
     assert areas[0] == pytest.approx(areas[1], rel=0.12)
+
+
+def test_the_reason_for_large_places_needs_no_table_of_all_pairs() -> None:
+    side = np.arange(0, 300) * 0.15
+    points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    removed = np.column_stack([points, np.full(len(points), 10.0)])
+
+    assert BareReasons((), removed).choose(points, 10.2) == "its support had nothing to stand on"
+    assert BareReasons((), removed).choose(points + 60.0, 10.2) != "its support had nothing to stand on"
