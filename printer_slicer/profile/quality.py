@@ -114,7 +114,8 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_min_reach: Annotated[
         float,
         make_meta(
-            "overhangs that are narrower than this everywhere, seen from above, get no supports",
+            "overhangs into which no circle of this radius fits, seen from above, get no supports, unless they extend "
+            "four times as far beyond the part below",
             "mm",
             ge=0,
             le=10,

@@ -37,14 +37,16 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
         return Overhangs(plan, air, np.zeros(0, np.int64), air, air, np.zeros(plan.n_layers, np.bool_))
     from printer_slicer.supports.bridged import find_bridged  # noqa: PLC0415 - in many parts nothing hangs
     from printer_slicer.supports.islands import find_islands  # noqa: PLC0415
-    from printer_slicer.supports.patches import drop_small_groups, join_patches  # noqa: PLC0415
+    from printer_slicer.supports.patches import drop_small_groups, find_far_pieces, join_patches  # noqa: PLC0415
 
     islands = find_islands(solid, below, air, around, profile.extrusion_width)
     hanging = union(find_strips(air, steep, step), islands)
-    hanging = offset_open(drop_small_groups(hanging, islands, step, quality), _SLIVER / 2)
+    needed = union(islands, find_far_pieces(hanging, below, quality))
+    hanging = offset_open(drop_small_groups(hanging, needed, step, quality), _SLIVER / 2)
     cover = find_bridged(hanging, below, solid, regions, profile)
     left = union(difference(hanging, cover), islands)
-    area, patch = join_patches(left, islands, cover, step, quality)
+    needed = union(islands, find_far_pieces(left, below, quality))
+    area, patch = join_patches(left, needed, cover, step, quality)
     return Overhangs(plan, area, patch, islands, intersection(hanging, cover), mark_flat_layers(area, patch))
 
 

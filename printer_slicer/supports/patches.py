@@ -12,6 +12,7 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
     ConnectedAreas,
+    depths,
     difference,
     fits_circle,
     intersection,
@@ -24,9 +25,10 @@ from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.profile import Quality
 from printer_slicer.supports.pieces import find_touching
 
-__all__ = ["drop_small_groups", "join_patches"]
+__all__ = ["drop_small_groups", "find_far_pieces", "join_patches"]
 
 _NEAR = 0.35  # mm; pieces this close to each other are one patch
+_FAR = 4.0  # times the smallest reach; narrow pieces that extend this far over nothing bend down
 _SEAM = 0.02  # mm by which strips are grown, so that no gap between two of them stays
 
 
@@ -49,6 +51,24 @@ def drop_small_groups(hanging: Areas, islands: Areas, step: Float, quality: Qual
     needed = _mark_large(_unite(pieces, group), quality)
     needed[group[_hold_islands(pieces, islands)]] = True
     return pieces.on_layers(hanging.n_layers, np.flatnonzero(needed[group]))
+
+
+def find_far_pieces(hanging: Areas, below: Areas, quality: Quality) -> Areas:
+    """Return the pieces that extend far beyond the section below, such as a thin wall that is held at one end.
+
+    Args:
+        hanging: areas that hang.
+        below: section below each layer.
+        quality: smallest area and reach of patches.
+    """
+    pieces = split_connected(hanging)
+    area = pieces.areas.area()
+    large = pieces.areas.copy_layers(np.flatnonzero(area >= quality.support_min_area))
+    piece = np.flatnonzero(area >= quality.support_min_area)[large.point_layer]
+    reach = _FAR * quality.support_min_reach
+    depth = depths(below, large.xy, pieces.layer[piece], reach)
+    far = np.unique(piece[~(depth > -reach)])  # nan: farther than the reach from all outlines
+    return pieces.on_layers(hanging.n_layers, far)
 
 
 def join_patches(

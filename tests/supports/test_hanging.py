@@ -380,3 +380,23 @@ def test_areas_of_random_cells_are_those_of_brute_force(seed: int, share: float)
     free = (mask[1:] & ~mask[:-1]).sum(axis=(1, 2))
     assert overhangs.area.area()[1:] == pytest.approx(CELL**2 * free, rel=0.01, abs=0.01)
     assert overhangs.area.area()[0] == 0
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_a_thin_wall_that_is_held_at_one_end_needs_a_support(angle: float) -> None:
+    post = trimesh.creation.box(bounds=[(0, 0, 0), (5, 20, 20)])
+    fin = trimesh.creation.box(bounds=[(4, 9.6, 10), (15, 10.4, 20)])
+    part = trimesh.boolean.union([post, fin])
+    part.apply_transform(trimesh.transformations.rotation_matrix(np.deg2rad(angle), [0, 0, 1]))
+
+    hanging = found(solid(part))
+
+    assert hanging.n_patches == 1
+    assert seen_from_above(hanging) == pytest.approx(0.8 * 10, rel=0.05)
+
+
+def test_a_thin_rib_along_a_wall_needs_nothing() -> None:
+    wall = trimesh.creation.box(bounds=[(0, 0, 0), (5, 40, 20)])
+    rib = trimesh.creation.box(bounds=[(4, 5, 10), (5.8, 35, 12)])
+
+    assert found(solid(trimesh.boolean.union([wall, rib]))).n_patches == 0
