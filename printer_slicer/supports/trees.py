@@ -49,7 +49,8 @@ from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settin
 
 __all__ = ["grow_trees"]
 
-_CONTACT_GROWTH = 0.2  # mm by which contacts reach beyond the overhang
+_CONTACT_GROWTH = 0.2  # mm, least by which contacts reach beyond the overhang
+_LEAST_LEFT = 0.5  # of the area that hangs in a layer
 _BESIDE_ROOF = 1.0  # mm; strips this near to a roof need no tips
 _ATTEMPTS = 5  # rounds of tips, of which the first one is for islands
 _LEAST_BOTTOM_GAP = (
@@ -81,7 +82,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     bed = np.array(profile.printer.corners[0]), np.array(profile.printer.corners[1])
     fields = build_fields(sections, float(layers.top[-1]), bed, settings)
     strips, islands = (
-        _find_contacts(area, plan.carrier, blocked) for area in (overhangs.area, overhangs.islands)
+        _find_contacts(area, plan.carrier, blocked, settings) for area in (overhangs.area, overhangs.islands)
     )
     roofs, tips, starts = _plan_roofs(strips, plan, blocked, (fields, sections, settings))
     covered = offset(roofs.contact, _BESIDE_ROOF).copy_layers(np.maximum(plan.carrier, 0))
@@ -144,10 +145,20 @@ def _find_next(areas: Areas) -> Areas:
 _Room = tuple[Fields, Sections, TreeSettings]
 
 
-def _find_contacts(area: Areas, carrier: Int, blocked: Areas) -> Areas:
-    """Return the areas under overhangs by layer of the part, as far as supports may be there."""
+def _find_contacts(area: Areas, carrier: Int, blocked: Areas, settings: TreeSettings) -> Areas:
+    """Return the areas under overhangs by layer of the part, as far as supports may be there.
+
+    Below a slope, the gap beside the layer before takes much of each strip. Layers that lose more than half of their
+    area get contacts that reach farther beyond the overhang.
+    """
     area = area.of_layers(carrier >= 0)
-    return difference(offset(area, _CONTACT_GROWTH), blocked.copy_layers(np.maximum(carrier, 0)))
+    not_here = blocked.copy_layers(np.maximum(carrier, 0))
+    contacts = difference(offset(area, _CONTACT_GROWTH), not_here)
+    lost = contacts.area() < _LEAST_LEFT * area.area()
+    if not lost.any():
+        return contacts
+    more = difference(offset(area.of_layers(lost), settings.xy_gap), not_here.of_layers(lost))
+    return union(contacts.of_layers(~lost), more)
 
 
 def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -> tuple[Roofs, Tips, Starts]:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import printer_slicer as ps
 from printer_slicer.arrays import Float, Int, consecutive
 from printer_slicer.geometry import (
     difference,
@@ -23,7 +24,7 @@ from printer_slicer.model import Areas, LayerPlan, Mesh, Sections, SupportPlan, 
 from printer_slicer.supports.tree_settings import read_tree_settings
 from printer_slicer.supports.trees import grow_trees
 from tests.effort import examples
-from tests.parts import plain
+from tests.parts import loft, plain
 from tests.supports.by_hand import overhangs_of, prepared, support_plan
 from tests.supports.loops import draw_plastic, find_hanging_stretches
 from tests.supports.noise import noise_sections
@@ -308,3 +309,16 @@ def test_bare_places_have_the_area_that_no_tip_reaches(seed: int) -> None:
 
     assert (area >= 0).all()
     assert 1.0 < area.sum() < overhangs_of(sections).area.area().sum()
+
+
+@pytest.mark.parametrize("height", [0.2, 0.22, 0.24])
+def test_slopes_near_the_threshold_get_tips_at_any_layer_height(height: float) -> None:
+    rise = 12 * np.tan(np.deg2rad(38.0))
+    side = np.array([(0, 0), (3, 0), (3, 20), (15, 20 + rise), (15, 40), (0, 40)])
+    part = Mesh(loft([side, side], [0.0, 14.0])[..., [0, 2, 1]][:, ::-1], "slope")
+    profile = ps.load_profile(quality="standard", changes={"support": "tree", "layer_height": height})
+
+    supports = ps.slice_stages(part, profile).supports
+
+    assert supports is not None
+    assert sum(place.area for place in supports.bare) <= 0.1 * 12 * 14
