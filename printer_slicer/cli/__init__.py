@@ -76,6 +76,7 @@ def _run_command(parser: argparse.ArgumentParser, argv: Sequence[str] | None) ->
     folder = ""
     try:
         arguments = parser.parse_args(argv)
+        arguments.command_line = list(sys.argv[1:] if argv is None else argv)
         with resolve_inputs(arguments) as folder:
             return int(arguments.run(arguments))
     except PrinterSlicerError as error:

@@ -78,3 +78,11 @@ def add_connection_options(parser: argparse.ArgumentParser) -> None:
             "print was not resumed; 0: never; default: 120",
         )
     )
+    mark_advanced(
+        group.add_argument(
+            "--ready-file",
+            metavar="FILE",
+            type=Path,
+            help="write the process id and the folder of the print to FILE, as JSON, when the print can be controlled",
+        )
+    )

@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -168,6 +169,7 @@ def print_with_progress(
             reconnect=arguments.reconnect,
             guard=arguments.guard,
             dtr={"on": True, "off": False}.get(arguments.dtr),
+            **_report_when_ready(arguments),
         )
     position = {
         True: "the printer is at the end position of the job",
@@ -189,6 +191,15 @@ def print_with_progress(
             remedy="Inspect the part: commands were lost on the cable, or moves were outside the printer's limits",
         )
     return 0
+
+
+def _report_when_ready(arguments: argparse.Namespace) -> dict[str, Callable[[Path], None]]:
+    """Return the option of `print_job` that writes the file named by --ready-file; nothing without that option."""
+    if arguments.ready_file is None:
+        return {}
+    from printer_slicer.printing.detached import write_ready_file
+
+    return {"on_ready": partial(write_ready_file, arguments.ready_file)}
 
 
 def _enable_keys(arguments: argparse.Namespace, controls: Controls) -> AbstractContextManager[None]:

@@ -3,6 +3,9 @@
 Each connection carries one request: a line for `commands.parse_command`, answered with one line of JSON. On systems
 with Unix sockets only the owner can open the socket. Elsewhere it is a TCP port on the loopback interface, and each
 request starts with a secret token from a file that only the owner can read.
+
+The request `watch` is answered with the status again and again, see `status_feed`; `watch N` asks for the console lines
+after number N.
 """
 
 from __future__ import annotations
@@ -24,24 +27,29 @@ from printer_slicer.printing.commands import PrintCommand, Status, parse_command
 
 if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
+    from printer_slicer.printing.status_feed import StatusFeed
 
-__all__ = ["send_control_command", "serve_control_socket"]
+__all__ = ["connect_to_print", "send_control_command", "serve_control_socket"]
 
 _ADDRESS_FILE = "control.json"
 _MAX_CHUNK_BYTES = 4096
 _TIMEOUT = 12.0
 _MAX_PATH_BYTES = 100  # bytes; some systems limit socket paths to 104
+_WATCH = "watch"
 _HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 
 
 @contextmanager
-def serve_control_socket(folder: Path, controls: Controls, name: str) -> Iterator[None]:
+def serve_control_socket(
+    folder: Path, controls: Controls, name: str, feed: StatusFeed | None = None
+) -> Iterator[None]:
     """Answer control requests within a `with` block, or none if no socket can be opened.
 
     Args:
         folder: private folder of the print; it holds the address.
         controls: controls of the print.
         name: name of the job.
+        feed: sends the status to watchers; None: requests to watch are rejected.
     """
     try:
         listener, address = _open_listener(folder)
@@ -49,10 +57,8 @@ def serve_control_socket(folder: Path, controls: Controls, name: str) -> Iterato
     except OSError:
         yield
         return
-    token = address.get("token", "")
-    thread = Thread(
-        target=_accept_connections, args=(listener, controls, name, token), name="control", daemon=True
-    )
+    service = _ControlService(controls, name, address.get("token", ""), feed)
+    thread = Thread(target=_accept_connections, args=(listener, service), name="control", daemon=True)
     thread.start()
     try:
         yield
@@ -99,7 +105,44 @@ def _write_private_file(path: Path, text: str) -> None:
         file.write(text)
 
 
-def _accept_connections(listener: socket.socket, controls: Controls, name: str, token: str) -> None:
+class _ControlService:
+    """What answers the requests: the controls, the name of the job, the secret token, and the feed for watchers."""
+
+    def __init__(self, controls: Controls, name: str, token: str, feed: StatusFeed | None) -> None:
+        self.controls, self.name, self.token, self.feed = controls, name, token, feed
+
+    def answer(self, connection: socket.socket) -> None:
+        """Read one request, execute its command, and send the answer."""
+        watches = False
+        try:
+            with suppress(OSError, ValueError):
+                connection.settimeout(_TIMEOUT)
+                line = _read_line(connection)
+                if self.token:
+                    received_token, _, line = line.partition(" ")
+                    if not hmac.compare_digest(received_token.encode(), self.token.encode()):
+                        return
+                word, _, last_line = line.partition(" ")
+                if word == _WATCH and self.feed is not None:
+                    number = int(last_line or 0)
+                    watches = True
+                    self.feed.add(connection, self.name, number)
+                else:
+                    connection.sendall(json.dumps(self._execute(line)).encode() + b"\n")
+        finally:
+            if not watches:
+                connection.close()
+
+    def _execute(self, line: str) -> dict[str, Any]:
+        """Execute the command in a line, and return the answer."""
+        try:
+            answer = _execute_command(self.controls, parse_command(line))
+        except UsageError as error:
+            return {"ok": False, "job": self.name, "answer": str(error)}
+        return {"ok": True, "job": self.name, "answer": answer}
+
+
+def _accept_connections(listener: socket.socket, service: _ControlService) -> None:
     """Accept connections until the socket is closed."""
     while True:
         try:
@@ -107,27 +150,7 @@ def _accept_connections(listener: socket.socket, controls: Controls, name: str, 
         except OSError:
             return
         # One thread per connection, so that an idle connection does not delay an emergency stop.
-        Thread(target=_answer_request, args=(connection, controls, name, token), daemon=True).start()
-
-
-def _answer_request(connection: socket.socket, controls: Controls, name: str, token: str) -> None:
-    """Read one request, execute its command, and send the answer."""
-    with connection, suppress(OSError, ValueError):
-        connection.settimeout(_TIMEOUT)
-        line = _read_line(connection)
-        if token:
-            received_token, _, line = line.partition(" ")
-            if not hmac.compare_digest(received_token, token):
-                return
-        try:
-            answer: dict[str, Any] = {
-                "ok": True,
-                "job": name,
-                "answer": _execute_command(controls, parse_command(line)),
-            }
-        except UsageError as error:
-            answer = {"ok": False, "job": name, "answer": str(error)}
-        connection.sendall(json.dumps(answer).encode() + b"\n")
+        Thread(target=service.answer, args=(connection,), daemon=True).start()
 
 
 def _execute_command(controls: Controls, command: PrintCommand) -> str:
@@ -165,6 +188,26 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
     Raises:
         PortError: the print process does not respond.
     """
+    try:
+        with connect_to_print(folder, line, timeout) as connection:
+            return dict(json.loads(_read_line(connection)))
+    except TimeoutError:
+        raise _make_timeout_error(timeout) from None
+    except (OSError, ValueError) as error:
+        raise _make_connection_error(error) from None
+
+
+def connect_to_print(folder: Path, line: str, timeout: float = _TIMEOUT) -> socket.socket:
+    """Connect to a running print, and send a request; return the socket from which the answer can be read.
+
+    Args:
+        folder: folder of the print.
+        line: the request: a command, or `watch`.
+        timeout: timeout of the socket, s.
+
+    Raises:
+        PortError: the print process does not respond.
+    """
     if not (folder / _ADDRESS_FILE).exists():
         raise PortError(
             "the print process does not respond yet: it is waiting for the serial port or the printer",
@@ -179,16 +222,25 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
         else:
             connection = socket.create_connection(("127.0.0.1", address["port"]), timeout=timeout)
             line = f"{address['token']} {line}"
-        with connection:
-            connection.sendall(line.encode() + b"\n")
-            return dict(json.loads(_read_line(connection)))
+        connection.sendall(line.encode() + b"\n")
     except TimeoutError:
-        raise PortError(
-            f"the print process does not respond in {timeout:g} s: it is stopped, or the computer is busy",
-            remedy="Try again. If the print process has ended, run printer-slicer resume",
-        ) from None
+        raise _make_timeout_error(timeout) from None
     except (OSError, ValueError, KeyError) as error:
-        raise PortError(
-            f"the print process does not respond: {error}",
-            remedy="If the print process has ended, run printer-slicer resume",
-        ) from None
+        raise _make_connection_error(error) from None
+    return connection
+
+
+def _make_timeout_error(timeout: float) -> PortError:
+    """Return the error of a print process that does not answer in time."""
+    return PortError(
+        f"the print process does not respond in {timeout:g} s: it is stopped, or the computer is busy",
+        remedy="Try again. If the print process has ended, run printer-slicer resume",
+    )
+
+
+def _make_connection_error(error: Exception) -> PortError:
+    """Return the error of a print process that does not answer."""
+    return PortError(
+        f"the print process does not respond: {error}",
+        remedy="If the print process has ended, run printer-slicer resume",
+    )

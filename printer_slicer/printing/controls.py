@@ -170,6 +170,14 @@ class Controls:
                 return self._last_status
         return self._last_status | {"state": "waiting", "waits_for": waits_for}
 
+    def read_status(self) -> dict[str, Any]:
+        """Return the status at once, without waiting for the print; called by the feed for watchers."""
+        with self._lock:
+            controller, waits_for = self._controller, self._waits_for
+        if controller is None:
+            return self._last_status | {"state": "waiting", "waits_for": waits_for}
+        return controller.status() | {"waits_for": ""}
+
     def abort(self) -> None:
         """Halt the printer at once with M112."""
         self.submit(Request(commands.Abort()))
@@ -214,3 +222,5 @@ class PrintOptions(TypedDict, total=False):
     dtr: bool | None
     allow: Callable[[bytes], str]
     guard: float | None
+    folder_name: str
+    on_ready: Callable[[Path], None]

@@ -186,16 +186,28 @@ class PortAddress(Struct, frozen=True):
 
 
 def create_print(
-    job_store: JobStore, name: str, text: bytes, address: PortAddress, setup: HostSettings
+    job_store: JobStore,
+    name: str,
+    text: bytes,
+    address: PortAddress,
+    setup: HostSettings,
+    *,
+    folder_name: str = "",
 ) -> Print:
     """Store a new print, and lock it for this process.
+
+    Args:
+        job_store: the store.
+        name, text: name and G-code of the job.
+        address, setup: port and settings of the printer.
+        folder_name: name of its new folder; empty: made from time and name.
 
     Raises:
         OutputError: the print cannot be stored.
     """
     now = datetime.now(UTC).astimezone()
     safe_name = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:40]
-    folder = job_store / f"{now:%Y%m%d-%H%M%S-%f}-{safe_name}"
+    folder = job_store / (folder_name or f"{now:%Y%m%d-%H%M%S-%f}-{safe_name}")
     head = {
         "version": 1,
         "name": name,
@@ -212,7 +224,8 @@ def create_print(
         (folder / _HEAD_FILE).write_text(json.dumps(head), encoding="utf-8")
         (folder / "journal").touch(mode=0o600)
     except OSError as error:
-        rmtree(folder, ignore_errors=True)
+        if not isinstance(error, FileExistsError):
+            rmtree(folder, ignore_errors=True)
         raise OutputError(
             f"{job_store}: cannot store the print: {error.strerror}",
             remedy="Free some disk space, or set PRINTER_SLICER_STATE to another folder",

@@ -124,6 +124,8 @@ class PrintController:
         """Return the status of the print as a JSON object."""
         status = {"state": self._state, "speed_percent": self.speed, "flow_percent": self.flow}
         status |= {"done": self._streamer.acknowledged, "total": len(self._job)}
+        modal = self._job.print_state.modal
+        status |= {"position": [modal.x, modal.y, modal.z]}
         return status | self.temperatures.as_json() | self._job.as_json() | self.prompts.as_json()
 
     # Called by the session.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from os import getpid
@@ -34,6 +35,7 @@ from printer_slicer.printing.reattach import (
     find_resume_plan,
     query_printer,
 )
+from printer_slicer.printing.status_feed import StatusFeed
 from printer_slicer.stream.events import Event, Finished, Halted, StreamWarning
 from printer_slicer.stream.link_meter import LinkMeter, MeteredTransport
 from printer_slicer.stream.protocol import Streamer
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
 __all__ = [
+    "LayerCounter",
     "PrintSession",
     "delete_checkpoint",
     "print_job",
@@ -87,6 +90,7 @@ def print_job(
             `allow` returns why a command typed by a user is rejected, empty if it is allowed. `guard` is the time, s,
             after which a second process switches the heaters off if this one has died and nobody has resumed the print;
             it needs `job_store`. When a print is aborted, the heaters are switched off, except with `guard` 0.
+            `folder_name` names the print's folder in `job_store`; `on_ready` gets it before the first byte is sent.
 
     Raises:
         PolicyError: the job has findings that are not allowed, see `Job.allowing`; nothing was sent.
@@ -107,7 +111,11 @@ def print_job(
     print_ = None
     try:
         if job_store is not None:
-            print_ = store.create_print(job_store, job.name, job.text, store.PortAddress(port, speed), setup)
+            address = store.PortAddress(port, speed)
+            folder_name = options.get("folder_name", "")
+            print_ = store.create_print(
+                job_store, job.name, job.text, address, setup, folder_name=folder_name
+            )
     except BaseException:
         transport.close()
         raise
@@ -198,9 +206,26 @@ def _ignore_event(_: Event) -> None:
     """Ignore an event, if there is no listener."""
 
 
+def _ignore_folder(_: Path) -> None:
+    """Ignore the folder of a print that is ready."""
+
+
 def _allow_any_command(_: bytes) -> str:
     """Allow any command."""
     return ""
+
+
+class LayerCounter:
+    """Finds the layer of a command quickly; one instance per job."""
+
+    def __init__(self, job: Job) -> None:
+        self._first_commands, self._numbers = list(job.marks), list(job.marks.values())
+        self._last = job.plan.n_layers if job.plan else max(self._numbers, default=0)
+
+    def as_json(self, done: int) -> dict[str, Any]:
+        """Return the layer after `done` commands, from 1 (0: before the first), and the number of layers."""
+        index = bisect_right(self._first_commands, done) - 1
+        return {"layer": self._numbers[index] if index >= 0 else 0, "layers": self._last}
 
 
 class PrintSession:
@@ -222,6 +247,9 @@ class PrintSession:
         self._reconnect, self._dtr = options.get("reconnect", 0.0), options.get("dtr")
         self._allow = options.get("allow", _allow_any_command)
         self._guard = options.get("guard")
+        self._on_ready = options.get("on_ready", _ignore_folder)
+        self._feed = StatusFeed(self._read_status)
+        self._layers = LayerCounter(job)
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
         self._spans = find_object_spans(job.text)
@@ -281,11 +309,17 @@ class PrintSession:
         return found
 
     def _notify_listener(self, event: Event) -> None:
-        """Pass an event to the listener; stop calling a listener whose output is closed."""
+        """Pass an event to the watchers and the listener; stop calling a listener whose output is closed."""
+        self._feed.on_event(event)
         try:
             self._on_event(event)
         except OSError:
             self._on_event = _ignore_event
+
+    def _read_status(self) -> dict[str, Any]:
+        """Return the status for watchers; called on another thread."""
+        status = self._controls.read_status()
+        return status | self._layers.as_json(status.get("done", 0))
 
     # Connections.
 
@@ -465,9 +499,10 @@ class PrintSession:
             return
         with (
             sync_journal(self._journal),
-            serve_controls(self._print, self._controls),
+            serve_controls(self._print, self._controls, self._feed),
             run_heater_failsafe(self._print, self._guard or 0.0),
         ):
+            self._on_ready(self._print.folder)
             yield
 
     # End of the print.
@@ -576,12 +611,16 @@ def sync_journal(journal: Journal) -> Iterator[None]:
 
 
 @contextmanager
-def serve_controls(print_: Print, controls: Controls) -> Iterator[None]:
-    """Let other processes of this user control the print within a `with` block."""
+def serve_controls(print_: Print, controls: Controls, feed: StatusFeed | None = None) -> Iterator[None]:
+    """Let other processes of this user control and watch the print within a `with` block."""
     from printer_slicer.printing.control_socket import serve_control_socket  # noqa: PLC0415 - sockets are only needed here
 
-    with serve_control_socket(print_.folder, controls, print_.name):
-        yield
+    with serve_control_socket(print_.folder, controls, print_.name, feed):
+        try:
+            yield
+        finally:
+            if feed is not None:
+                feed.close()
 
 
 @contextmanager

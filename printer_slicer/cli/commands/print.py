@@ -25,6 +25,7 @@ from printer_slicer.cli.connection_options import (
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import print_text, show_stages
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
+from printer_slicer.errors import UsageError
 from printer_slicer.texts import format_duration
 
 if TYPE_CHECKING:
@@ -65,6 +66,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help="delete an interrupted print of this port, which then can no longer be resumed",
         )
     )
+    parser.add_argument(
+        "--detach",
+        action="store_true",
+        help="return when the print has begun; it continues in the background",
+    )
+    parser.add_argument(
+        "--log",
+        metavar="FILE",
+        type=Path,
+        help="with --detach, append the output to FILE; default: MODEL.log",
+    )
     add_layer_options(parser)
 
 
@@ -78,6 +90,8 @@ def run(arguments: argparse.Namespace) -> int:
         make_job,
     )
 
+    if arguments.detach or arguments.log:
+        return _detach(arguments)
     if arguments.port != SIMULATED_PORT:
         reject_simulated_port(arguments.port)
     profile = load_selected_profile(arguments, **choose_profile_arguments(arguments))
@@ -110,6 +124,46 @@ def run(arguments: argparse.Namespace) -> int:
         require_printable(verdict, job)
         return 0
     return _print_on_port(arguments, job, profile)
+
+
+def _detach(arguments: argparse.Namespace) -> int:
+    """Start the same command as a process in the background, and wait until its print can be controlled.
+
+    Raises:
+        UsageError: the options contradict each other, or the G-code comes from stdin.
+        PrinterSlicerError: the print did not begin; the exit code is that of the other process.
+    """
+    from tempfile import TemporaryDirectory
+
+    from printer_slicer.printing.detached import start_detached
+
+    if not arguments.detach:
+        raise UsageError("--log has no effect without --detach", remedy="Add --detach")
+    words = _remove_detach_options(arguments.command_line)
+    if arguments.port == SIMULATED_PORT or "-" in words:
+        raise UsageError(
+            "--detach needs a port and files by name",
+            remedy="Start a printer with printer-slicer sim --pty LINK",
+        )
+    log = arguments.log or Path(f"{arguments.models[0].stem}.log")
+    with TemporaryDirectory(prefix="printer-slicer-") as folder:
+        ready = Path(folder) / "ready.json"
+        started = start_detached(["-m", "printer_slicer", *words, "--ready-file", str(ready)], ready, log)
+    facts = {"event": "detached", "pid": started.pid, "folder": str(started.folder), "log": str(log)}
+    if arguments.json:
+        print(json.dumps(facts))
+    else:
+        print_text(arguments, f"printing in the background: process {started.pid}, log {log}")
+    return 0
+
+
+def _remove_detach_options(words: list[str]) -> list[str]:
+    """Return the words of a command line without --detach and --log."""
+    left = [word for word in words if word != "--detach" and not word.startswith("--log=")]
+    if "--log" in left:
+        at = left.index("--log")
+        del left[at : at + 2]
+    return left
 
 
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
