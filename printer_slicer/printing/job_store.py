@@ -198,8 +198,10 @@ def create_print(
 
     Args:
         job_store: the store.
-        name, text: name and G-code of the job.
-        address, setup: port and settings of the printer.
+        name: name of the job.
+        text: its G-code.
+        address: port and baud rate.
+        setup: settings of the printer.
         folder_name: name of its new folder; empty: made from time and name.
 
     Raises:
@@ -230,6 +232,11 @@ def create_print(
             f"{job_store}: cannot store the print: {error.strerror}",
             remedy="Free some disk space, or set PRINTER_SLICER_STATE to another folder",
         ) from None
+    return _load_and_lock(folder)
+
+
+def _load_and_lock(folder: Path) -> Print:
+    """Load a print that was just stored, and lock it for this process."""
     made = load_print(folder)
     assert made is not None
     made.lock()

@@ -363,8 +363,8 @@ def test_a_full_disk_does_not_stop_the_print(tmp_path: Path, monkeypatch: pytest
         pytest.skip("no full disk here")
     create_print = store.create_print
 
-    def full(*arguments: object) -> store.Print:
-        made = create_print(*arguments)  # type: ignore[arg-type]
+    def full(*arguments: object, **named: object) -> store.Print:
+        made = create_print(*arguments, **named)  # type: ignore[arg-type]
         (made.folder / "journal").unlink()
         (made.folder / "journal").symlink_to("/dev/full")
         return made
