@@ -50,7 +50,7 @@ def test_json_tells_the_rotation(tee_file: Path, tmp_path: Path) -> None:
     assert found["file"] == str(tee_file)
     assert found["height_mm"] == pytest.approx(6)
     assert found["support_g"] == 0
-    assert not found["is_original"]
+    assert not found["original"]
 
 
 def test_a_part_that_lies_well_is_not_turned(tmp_path: Path) -> None:
