@@ -66,17 +66,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help="delete an interrupted print of this port, which then can no longer be resumed",
         )
     )
-    parser.add_argument(
-        "--detach",
-        action="store_true",
-        help="return when the print has begun; it continues in the background",
-    )
-    parser.add_argument(
-        "--log",
-        metavar="FILE",
-        type=Path,
-        help="with --detach, append the output to FILE; default: MODEL.log",
-    )
+    for option in (
+        parser.add_argument(
+            "--detach",
+            action="store_true",
+            help="return when the print has begun; it continues in the background",
+        ),
+        parser.add_argument(
+            "--log",
+            metavar="FILE",
+            type=Path,
+            help="with --detach, append the output to FILE; default: MODEL.log",
+        ),
+    ):
+        mark_advanced(option)
     add_layer_options(parser)
 
 
