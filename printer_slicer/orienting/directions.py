@@ -1,4 +1,4 @@
-"""Directions of a shape that may point down to the bed."""
+"""Directions of a part that may point down to the bed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _N_SPREAD: Final = 200
 
 
 def list_directions(shape: PartShape) -> Float:
-    """Return unit vectors (D, 3) in the axes of a shape, which may point down.
+    """Return unit vectors (D, 3) in the axes of a part, which may point down.
 
     They are the directions of its flats, and of those of its convex hull, on which it can lie, the largest first; the
     axes and diagonals of the largest flats; and directions spread evenly over the sphere.

@@ -1,4 +1,4 @@
-"""Rate a direction of a shape by its layers, by supports that land on the part, and by how the part stands."""
+"""Rate a direction of a part by its layers, by supports that land on the part, and by how the part stands."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SLACK: Final = 1e-3  # mm
 
 
 def rate_frame(shape: PartShape, frame: Float, profile: Profile, cost_model: CostModel) -> Orientation:
-    """Rate a shape that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
+    """Rate a part that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
 
     Args:
         shape: the part.
@@ -62,7 +62,7 @@ def rate_frame(shape: PartShape, frame: Float, profile: Profile, cost_model: Cos
 
 
 def _turn_samples(shape: PartShape, frame: Float, low: Float) -> TurnedSamples:
-    """Return the samples of a shape with the rows of `frame` (3, 3) as axes, from the corner `low` (3,) of its box."""
+    """Return the samples of a part with the rows of `frame` (3, 3) as axes, from the corner `low` (3,) of its box."""
     narrow = frame.astype(np.float32)
     points = narrow @ shape.samples.points - low.astype(np.float32)[:, None]
     return TurnedSamples(points, narrow[2] @ shape.samples.normals, shape.samples.area, shape.spacing)

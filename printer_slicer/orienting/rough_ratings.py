@@ -21,7 +21,7 @@ _BLOCK: Final = 1 << 19  # samples times directions at once, so that the arrays 
 
 
 def rate_roughly(shape: PartShape, down: Float, cost_model: CostModel) -> Float:
-    """Return the cost (D,) of printing a shape with each direction down, min.
+    """Return the cost (D,) of printing a part with each direction down, min.
 
     Args:
         shape: the part in its own axes.

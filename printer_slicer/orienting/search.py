@@ -109,7 +109,7 @@ def _take_best(
 
 
 def _rate(shape: PartShape, down: Float, profile: Profile, cost_model: CostModel) -> Orientation:
-    """Rate a direction (3,) of a shape that points down; turn it by 90 degrees if only then it fits the bed."""
+    """Rate a direction (3,) of a part that points down; turn it by 90 degrees if only then it fits the bed."""
     frame = find_upright_frame(shape, down)
     rated = rate_frame(shape, frame, profile, cost_model)
     if rated.fits:

@@ -34,7 +34,7 @@ class Standing(NamedTuple):
 
 
 def may_stand(shape: PartShape, down: Float, brim: float) -> Bool:
-    """Return a mask (D,) of the directions (D, 3) in which a shape may stand safely; no other direction is stable.
+    """Return a mask (D,) of the directions (D, 3) in which a part may stand safely; no other direction is stable.
 
     The contact area is compared with the centre of mass in some directions, for all at once.
 
@@ -76,7 +76,7 @@ def _list_edges(facets: Int) -> tuple[Int, Int]:
 
 
 def is_stable(shape: PartShape, down: Float, brim: float) -> bool:
-    """Return whether a shape stands safely with the direction `down` (3,) down and a brim of this width, mm."""
+    """Return whether a part stands safely with the direction `down` (3,) down and a brim of this width, mm."""
     frame = make_frame(down)
     return measure_standing(shape, frame, brim).is_stable
 
@@ -89,7 +89,7 @@ def make_frame(down: Float) -> Float:
 
 
 def measure_standing(shape: PartShape, frame: Float, brim: float) -> Standing:
-    """Measure how a shape stands that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
+    """Measure how a part stands that is turned so that the rows of `frame` (3, 3) are its axes x, y and z.
 
     Args:
         shape: the part.

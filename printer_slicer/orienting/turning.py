@@ -21,7 +21,7 @@ _SAME: Final = 1e-6  # relative to the size; smaller differences are rounding er
 
 
 def find_upright_frame(shape: PartShape, down: Float) -> Float:
-    """Return the axes x, y and z (3, 3) of the turned part as rows, in the axes of a shape.
+    """Return the axes x, y and z (3, 3) of the turned part as rows, in the axes of a part.
 
     The part lies in the smallest rectangle seen from above, whose longer side is along x. Its centre of mass is left of
     the middle, or if it is in the middle, in front of it.
