@@ -41,12 +41,12 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
 
     islands = find_islands(solid, below, air, around, profile.extrusion_width)
     hanging = union(find_strips(air, steep, step), islands)
-    needed = union(islands, find_far_pieces(hanging, below, quality))
-    hanging = offset_open(drop_small_groups(hanging, needed, step, quality), _SLIVER / 2)
+    required = union(islands, find_far_pieces(hanging, below, quality))
+    hanging = offset_open(drop_small_groups(hanging, required, step, quality), _SLIVER / 2)
     cover = find_bridged(hanging, below, solid, regions, profile)
     left = union(difference(hanging, cover), islands)
-    needed = union(islands, find_far_pieces(left, below, quality))
-    area, patch = join_patches(left, needed, cover, step, quality)
+    required = union(islands, find_far_pieces(left, below, quality))
+    area, patch = join_patches(left, required, cover, step, quality)
     return Overhangs(plan, area, patch, islands, intersection(hanging, cover), mark_flat_layers(area, patch))
 
 

@@ -32,7 +32,7 @@ _FAR = 4.0  # times the smallest reach; narrow pieces that extend this far over 
 _SEAM = 0.02  # mm by which strips are grown, so that no gap between two of them stays
 
 
-def drop_small_groups(hanging: Areas, islands: Areas, step: Float, quality: Quality) -> Areas:
+def drop_small_groups(hanging: Areas, required: Areas, step: Float, quality: Quality) -> Areas:
     """Return the areas of groups that may contain a patch that needs supports.
 
     Pieces whose bounding boxes touch form groups, so each patch lies within one group. This takes less time than to
@@ -49,7 +49,7 @@ def drop_small_groups(hanging: Areas, islands: Areas, step: Float, quality: Qual
     ]
     group = label_components(np.concatenate(links, axis=1), pieces.count)
     needed = _mark_large(_unite(pieces, group), quality)
-    needed[group[_hold_islands(pieces, islands)]] = True
+    needed[group[_hold_areas(pieces, required)]] = True
     return pieces.on_layers(hanging.n_layers, np.flatnonzero(needed[group]))
 
 
@@ -62,23 +62,23 @@ def find_far_pieces(hanging: Areas, below: Areas, quality: Quality) -> Areas:
         quality: smallest area and reach of patches.
     """
     pieces = split_connected(hanging)
-    area = pieces.areas.area()
-    large = pieces.areas.copy_layers(np.flatnonzero(area >= quality.support_min_area))
-    piece = np.flatnonzero(area >= quality.support_min_area)[large.point_layer]
+    large = np.flatnonzero(pieces.areas.area() >= quality.support_min_area)
+    corners = pieces.areas.copy_layers(large)
+    piece = large[corners.point_layer]
     reach = _FAR * quality.support_min_reach
-    depth = depths(below, large.xy, pieces.layer[piece], reach)
+    depth = depths(below, corners.xy, pieces.layer[piece], reach)
     far = np.unique(piece[~(depth > -reach)])  # nan: farther than the reach from all outlines
     return pieces.on_layers(hanging.n_layers, far)
 
 
 def join_patches(
-    hanging: Areas, islands: Areas, cover: Areas, step: Float, quality: Quality
+    hanging: Areas, required: Areas, cover: Areas, step: Float, quality: Quality
 ) -> tuple[Areas, Int]:
     """Return the areas of patches that need supports, and the patch (R,) of each of their rings, from 0.
 
     Args:
         hanging: areas that hang.
-        islands: areas of patches that need supports whatever their size; parts of `hanging`.
+        required: areas of patches that need supports whatever their size, such as islands; parts of `hanging`.
         cover: areas that bridges carry; what lies above or below them does not count.
         step: (L,) mm from section to section on the steepest slope that hangs.
         quality: smallest area and reach of patches.
@@ -90,7 +90,7 @@ def join_patches(
     patch = label_components(np.stack(find_touching(pieces, pieces, reach, (0, 1))), pieces.count)
     united = _subtract_covers(_unite(pieces, patch), pieces, patch, split_connected(cover), reach)
     needed = _mark_large(united, quality)
-    needed[patch[_hold_islands(pieces, islands)]] = True
+    needed[patch[_hold_areas(pieces, required)]] = True
     kept = np.flatnonzero(needed[patch])
     rings = np.flatnonzero(np.isin(pieces.areas.ring_layer, kept))
     number = np.cumsum(needed) - 1
@@ -102,9 +102,9 @@ def _compute_reach(pieces: ConnectedAreas, step: Float) -> Float:
     return np.asarray(np.maximum(step, _NEAR)[pieces.layer])
 
 
-def _hold_islands(pieces: ConnectedAreas, islands: Areas) -> Bool:
-    """Return a mask (P,) of pieces that islands lie in."""
-    return intersection(pieces.areas, pieces.select_nearby_rings(islands)).used
+def _hold_areas(pieces: ConnectedAreas, areas: Areas) -> Bool:
+    """Return a mask (P,) of pieces that some of the areas lie in."""
+    return intersection(pieces.areas, pieces.select_nearby_rings(areas)).used
 
 
 def _unite(pieces: ConnectedAreas, patch: Int) -> Areas:
