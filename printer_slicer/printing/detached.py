@@ -17,8 +17,9 @@ from threading import Thread
 from typing import Any, Final
 
 from printer_slicer.errors import PrintError, PrinterSlicerError
+from printer_slicer.saving import check_writable, save
 
-__all__ = ["DetachedPrint", "make_start_error", "spawn_detached", "start_detached", "write_ready_file"]
+__all__ = ["DetachedPrint", "start_detached", "write_ready_file"]
 
 _POLL_INTERVAL: Final = 0.02  # s
 _TAIL_BYTES: Final = 4096  # bytes of the log in an error message
@@ -46,9 +47,7 @@ def write_ready_file(path: Path, folder: Path) -> None:
         path: file to write; it appears complete or not at all.
         folder: folder of the print in the job store.
     """
-    draft = path.with_name(f"{path.name}.{os.getpid()}")
-    draft.write_text(json.dumps({"pid": os.getpid(), "folder": str(folder)}), encoding="utf-8")
-    draft.replace(path)
+    save(path, json.dumps({"pid": os.getpid(), "folder": str(folder)}).encode())
 
 
 def start_detached(command: Sequence[str], ready_file: Path, log: Path) -> DetachedPrint:
@@ -60,18 +59,20 @@ def start_detached(command: Sequence[str], ready_file: Path, log: Path) -> Detac
         log: file to which the output of the process is appended.
 
     Raises:
+        OutputError: the log is a folder, or its folder is missing.
         PrintError: the process ended before it was ready; the message is the end of its log.
     """
-    process = spawn_detached(command, log)
+    check_writable(log)
+    process = _spawn(command, log)
     wait = Flag()
     while process.poll() is None and not ready_file.exists():
         wait.wait(_POLL_INTERVAL)
     if not ready_file.exists():
-        raise make_start_error(log, process.returncode)
+        raise _make_start_error(log, process.returncode)
     return DetachedPrint(process, json.loads(ready_file.read_text(encoding="utf-8")))
 
 
-def spawn_detached(command: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
+def _spawn(command: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
     """Start a process in a session of its own that writes to a log file, with nothing on its stdin."""
     session: dict[str, Any] = (
         {"start_new_session": True}
@@ -84,7 +85,7 @@ def spawn_detached(command: Sequence[str], log: Path) -> subprocess.Popen[bytes]
         )
 
 
-def make_start_error(log: Path, code: int | None) -> PrinterSlicerError:
+def _make_start_error(log: Path, code: int | None) -> PrinterSlicerError:
     """Return the error of a print process that ended before it was ready."""
     with log.open("rb") as file:
         file.seek(max(file.seek(0, os.SEEK_END) - _TAIL_BYTES, 0))
