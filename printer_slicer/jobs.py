@@ -127,6 +127,11 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
         index = bisect_right(list(self.marks), command) - 1
         return list(self.marks.values())[index] if index >= 0 else 0
 
+    @property
+    def last_layer(self) -> int:
+        """Number of the last layer; 0 if it is unknown."""
+        return self.plan.n_layers if self.plan else max(self.marks.values(), default=0)
+
 
 def is_gcode(path: Path) -> bool:
     """Return whether a file name has the suffix of a G-code file."""

@@ -89,7 +89,7 @@ class ProgressDisplay:
         task = bar.add_task("printing", total=len(self._job.commands))
         bar.start()
         self._close = bar.stop
-        last = self._find_last_layer()
+        last = self._job.last_layer
 
         def update(done: int) -> None:
             """Update the bar."""
@@ -116,14 +116,10 @@ class ProgressDisplay:
 
     def _describe_position(self) -> str:
         """Describe the current position in the job: commands and layers."""
-        layer, last = self._job.layer_of(self._done), self._find_last_layer()
+        layer, last = self._job.layer_of(self._done), self._job.last_layer
         return f"{self._done} of {len(self._job.commands)} commands" + (
             f", layer {layer} of {last}" if layer else ""
         )
-
-    def _find_last_layer(self) -> int:
-        """Return the number of the last layer; 0 if it is unknown."""
-        return self._job.plan.n_layers if self._job.plan else max(self._job.marks.values(), default=0)
 
     def _report_percent(self, done: int) -> None:
         """Report the progress in steps of 1 %, on the bar or as JSON."""
@@ -229,16 +225,14 @@ def _format_for_user(event: Event) -> str:
         buttons = ", ".join(f"{number} {button}" for number, button in enumerate(event.buttons))
         return f"the printer asks: {event.text} [{buttons}]"
     if isinstance(event, Action) and not event.name.startswith("prompt_"):
-        return f"the printer requests: {event.name}"
+        return event.text
     return ""
 
 
 def _format_details(event: Event) -> str:
     """Format an event that only --verbose shows; return an empty text for other events."""
-    if isinstance(event, Message):
+    if isinstance(event, Message | ResendRequested):
         return event.text
-    if isinstance(event, ResendRequested):
-        return f"the printer requests a resend from line {event.number}"
     if isinstance(event, Temperature):
         wanted = {True: " (waiting)", False: ""}[event.waiting]
         heaters = (

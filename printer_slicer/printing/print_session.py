@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from os import getpid
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
 __all__ = [
-    "LayerCounter",
     "PrintSession",
     "delete_checkpoint",
     "print_job",
@@ -215,19 +213,6 @@ def _allow_any_command(_: bytes) -> str:
     return ""
 
 
-class LayerCounter:
-    """Finds the layer of a command quickly; one instance per job."""
-
-    def __init__(self, job: Job) -> None:
-        self._first_commands, self._numbers = list(job.marks), list(job.marks.values())
-        self._last = job.plan.n_layers if job.plan else max(self._numbers, default=0)
-
-    def as_json(self, done: int) -> dict[str, Any]:
-        """Return the layer after `done` commands, from 1 (0: before the first), and the number of layers."""
-        index = bisect_right(self._first_commands, done) - 1
-        return {"layer": self._numbers[index] if index >= 0 else 0, "layers": self._last}
-
-
 class PrintSession:
     """Runs one print from start to end, and reconnects to the printer if the connection is lost."""
 
@@ -249,7 +234,6 @@ class PrintSession:
         self._guard = options.get("guard")
         self._on_ready = options.get("on_ready", _ignore_folder)
         self._feed = StatusFeed(self._read_status)
-        self._layers = LayerCounter(job)
         self._journal = Journal(print_.folder) if print_ else None
         self._meter = LinkMeter(setup.limits)
         self._spans = find_object_spans(job.text)
@@ -309,7 +293,7 @@ class PrintSession:
         return found
 
     def _notify_listener(self, event: Event) -> None:
-        """Pass an event to the watchers and the listener; stop calling a listener whose output is closed."""
+        """Send an event to the watchers and the listener; drop a listener whose output is closed."""
         self._feed.on_event(event)
         try:
             self._on_event(event)
@@ -319,7 +303,8 @@ class PrintSession:
     def _read_status(self) -> dict[str, Any]:
         """Return the status for watchers; called on another thread."""
         status = self._controls.read_status()
-        return status | self._layers.as_json(status.get("done", 0))
+        layer = self._job.layer_of(status.get("done", 0))
+        return status | {"layer": layer, "layers": self._job.last_layer}
 
     # Connections.
 

@@ -14,7 +14,6 @@ import json
 import socket
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from threading import Event as Flag
 from threading import Lock, Thread
 from time import monotonic
@@ -172,13 +171,14 @@ class _Watcher:
                 self.pending = json.dumps({"seq": seq, **message}).encode() + b"\n"
                 self._progress_at = self._sent_at = now
                 self._has_end = bool(end)
-        with suppress(BlockingIOError, InterruptedError):
-            try:
-                while self.pending:
-                    self.pending = self.pending[self.connection.send(self.pending) :]
-                    self._progress_at = now
-            except (BrokenPipeError, ConnectionError):
-                return False
+        try:
+            while self.pending:
+                self.pending = self.pending[self.connection.send(self.pending) :]
+                self._progress_at = now
+        except (BlockingIOError, InterruptedError):
+            pass
+        except OSError:
+            return False
         return now - self._progress_at <= _STALL_TIMEOUT or not self.pending
 
     def _make_message(self, status: dict[str, Any], console: list[tuple[int, str, str]]) -> dict[str, Any]:
@@ -195,12 +195,8 @@ class _Watcher:
 
 def _describe_event(event: Event) -> str:
     """Return the console line of an event; empty for an event that the status contains."""
-    if isinstance(event, Message | StreamWarning | PoorLink | Prompt):
+    if isinstance(event, Message | StreamWarning | PoorLink | Prompt | Action | ResendRequested):
         return event.text
-    if isinstance(event, Action):
-        return f"the printer requests: {event.name}"
     if isinstance(event, Paused | Busy | Halted):
         return event.reason
-    if isinstance(event, ResendRequested):
-        return f"the printer requests a resend from line {event.number}"
     return ""

@@ -60,6 +60,11 @@ class ResendRequested(Struct, frozen=True):
 
     number: int
 
+    @property
+    def text(self) -> str:
+        """The event as a sentence."""
+        return f"the printer requests a resend from line {self.number}"
+
 
 class Probe(Struct, frozen=True):
     """An acknowledgement is missing or unreadable, so line `number` is sent to probe what has arrived."""
@@ -112,6 +117,11 @@ class Action(Struct, frozen=True):
     """Action command of the printer for its host: "pause", "resume", "cancel", "notification ..."."""
 
     name: str
+
+    @property
+    def text(self) -> str:
+        """The event as a sentence."""
+        return f"the printer requests: {self.name}"
 
 
 class Prompt(Struct, frozen=True):
