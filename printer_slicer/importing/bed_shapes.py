@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from printer_slicer.importing.conversion import Conversion
 
-__all__ = ["BedRectangle", "find_excluded_areas", "find_rectangle"]
+__all__ = ["BedRectangle", "find_excluded_areas", "find_head_shapes", "find_rectangle"]
 
 _NUMBER: Final = r"-?\d+(?:\.\d*)?(?:e-?\d+)?"
 _POINT: Final = re.compile(rf"\s*({_NUMBER})\s*x\s*({_NUMBER})\s*", re.IGNORECASE)
@@ -100,6 +100,34 @@ def find_excluded_areas(conversion: Conversion) -> list[str]:
         fours = [points[at : at + 4] for at in range(0, len(points), 4)]
         areas += fours if all(map(_is_box, fours)) else [points]
     return [" ".join(f"{x:.10g}x{y:.10g}" for x, y in points) for points in areas if _has_area(points)]
+
+
+def find_head_shapes(conversion: Conversion) -> list[str]:
+    """Return the shapes of the print head, each as text for `printer.head`; empty if the source has none.
+
+    PrusaSlicer has a radius around the nozzle, and the height of the gantry above it, which may be anywhere over the
+    bed. OrcaSlicer has two heights: that of the rods along x, and that of the lid. Cura has a polygon and a height.
+
+    Raises:
+        ProfileError: a corner is invalid.
+    """
+    preset, prefix = conversion.preset, "extruder_clearance_"
+    radius = preset.read_number(f"{prefix}radius") if preset.has(f"{prefix}radius") else 0.0
+    outline = f"{radius:.10g}" if radius > 0 else ""
+    if preset.has(f"{prefix}polygon"):
+        points = _read_points(conversion, f"{prefix}polygon", preset.read_raw(f"{prefix}polygon"))
+        if _has_area(points):
+            outline = " ".join(f"{x:.10g}x{y:.10g}" for x, y in points)
+            radius = max(abs(y) for _, y in points)
+    if not outline:
+        return []
+    bar = f"-9999x-{radius:.10g} 9999x{radius:.10g}"
+    everywhere = "-9999x-9999 9999x9999"
+    above = {"height_to_rod": bar, "height_to_lid": everywhere, "height": everywhere}
+    heights = {name: preset.read_number(prefix + name) for name in above if preset.has(prefix + name)}
+    most = preset.read_number("max_print_height")
+    gantry = [f"{value:.10g}: {above[name]}" for name, value in heights.items() if 0 < value < most]
+    return [f"0: {outline}", *gantry]
 
 
 def _has_area(points: list[_Point]) -> bool:

@@ -201,6 +201,7 @@ def _convert_machine(get: _GetValue, put: _PutSetting) -> None:
     if isinstance(areas, list) and areas:
         x, y = left + width / 2, front + depth / 2
         put("bed_exclude_area", "machine_disallowed_areas", _format_areas(areas, x, y))
+    _convert_head(get, put)
     flavour = str(get("machine_gcode_flavor"))
     put("gcode_flavor", "machine_gcode_flavor", _FLAVOURS.get(flavour, flavour))
     put("start_gcode", "machine_start_gcode", _escape(get("machine_start_gcode")))
@@ -228,6 +229,16 @@ def _convert_machine(get: _GetValue, put: _PutSetting) -> None:
         "retraction_hop",
         _format_value(get("retraction_hop") if get("retraction_hop_enabled") else 0),
     )
+
+
+def _convert_head(get: _GetValue, put: _PutSetting) -> None:
+    """Convert the outline of the print head and the height of the gantry, for parts that are printed in sequence."""
+    head = _get_value_or_default(get, "machine_head_with_fans_polygon", [])
+    if isinstance(head, list) and len(head) > 2:
+        corners = ",".join(f"{float(x):.10g}x{float(y):.10g}" for x, y in head)
+        put("extruder_clearance_polygon", "machine_head_with_fans_polygon", corners)
+        gantry = float(_get_value_or_default(get, "gantry_height", 0))
+        put("extruder_clearance_height", "gantry_height", _format_value(gantry))
 
 
 def _convert_material(get: _GetValue, put: _PutSetting) -> None:

@@ -6,7 +6,12 @@ import re
 from typing import Final, NamedTuple
 
 from printer_slicer.firmware import FIRMWARES
-from printer_slicer.importing.bed_shapes import BedRectangle, find_excluded_areas, find_rectangle
+from printer_slicer.importing.bed_shapes import (
+    BedRectangle,
+    find_excluded_areas,
+    find_head_shapes,
+    find_rectangle,
+)
 from printer_slicer.importing.conversion import ONE_TOOL, Conversion, find_highest_layer
 from printer_slicer.importing.machine_gcode import convert_macros
 from printer_slicer.importing.presets import Preset, parse_quantity
@@ -153,6 +158,9 @@ def _convert_bed(conversion: Conversion) -> BedRectangle:
     if conversion.preset.has("bed_exclude_area"):
         conversion.put("excluded_areas", find_excluded_areas(conversion), "bed_exclude_area")
     conversion.copy_number("bed_z", "max_print_height")
+    if head := find_head_shapes(conversion):
+        names = ("radius", "polygon", "height", "height_to_rod", "height_to_lid")
+        conversion.put("head", head, [f"extruder_clearance_{name}" for name in names])
     if conversion.preset.read_number("z_offset"):
         conversion.warn(
             "z_offset",

@@ -7,6 +7,7 @@ from itertools import pairwise
 from math import floor
 from typing import NamedTuple
 
+from printer_slicer.profile.print_head import parse_head_shape
 from printer_slicer.profile.profile import HIGHEST_BEAD, Profile
 from printer_slicer.profile.settings import OptimalPlanner, Quality
 
@@ -202,20 +203,20 @@ def _check_temperatures(profile: Profile) -> Iterator[Conflict]:
 
 
 def _check_bed(profile: Profile) -> Iterator[Conflict]:
-    """Check that the margin leaves room on the bed, and that excluded areas have an area."""
+    """Check that the margin leaves room on the bed, and that excluded areas and shapes of the head have an area."""
     printer = profile.printer
     if 2 * printer.bed_margin >= min(printer.bed_x, printer.bed_y):
         bed = f"{printer.bed_x:g} x {printer.bed_y:g} mm"
         problem = f"{printer.bed_margin:g} mm on each side leave no room on a bed of {bed}"
         yield Conflict("printer.bed_margin", problem, "Choose a smaller margin")
-    for text, polygon in zip(printer.excluded_areas, printer.excluded_polygons, strict=True):
-        xs, ys = zip(*polygon, strict=True)
-        if min(max(xs) - min(xs), max(ys) - min(ys)) <= 0:
-            yield Conflict(
-                "printer.excluded_areas",
-                f"{text!r} has no area",
-                "Write its corners, or two opposite corners",
-            )
+    areas = zip(printer.excluded_areas, printer.excluded_polygons, strict=True)
+    shapes = ((text, parse_head_shape(text).corners) for text in printer.head)
+    for name, outlines in (("excluded_areas", areas), ("head", shapes)):
+        for text, polygon in outlines:
+            xs, ys = zip(*polygon, strict=True)
+            if min(max(xs) - min(xs), max(ys) - min(ys)) <= 0:
+                remedy = "Write its corners, or two opposite corners"
+                yield Conflict(f"printer.{name}", f"{text!r} has no area", remedy)
 
 
 def _check_thumbnails(profile: Profile) -> Iterator[Conflict]:

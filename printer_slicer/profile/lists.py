@@ -59,6 +59,7 @@ LISTS: Final[Mapping[str, _ListFormat]] = {
     "pause_at": _ListFormat(",", float, "4, 12.5"),
     "thumbnails": _ListFormat(",", str.strip, "32x32, 300x300/QOI"),
     "excluded_areas": _ListFormat(",", str.strip, "0x0 18x28, 200x0 220x0 220x30"),
+    "head": _ListFormat(",", str.strip, "0: 45, 25: -9999x-30 9999x30"),
     "overrides": _ListFormat(";", overrides.parse_override, "lid:infill_density=0.4; 5:10:perimeters=4"),
     "planner.ranges": _ListFormat(";", _parse_range, "10:20:tolerance=0.05; 30:31:layer_height=0.1"),
 }

@@ -23,6 +23,7 @@ from printer_slicer.profile.planners import (
     StepwisePlanner,
     UniformPlanner,
 )
+from printer_slicer.profile.print_head import HeadShape, parse_head_shape
 from printer_slicer.profile.quality import Quality
 from printer_slicer.profile.speeds import Accelerations, PrinterAccelerations, PrinterSpeeds, Speeds
 
@@ -48,6 +49,8 @@ __all__ = [
 
 _CORNER: Final = r"-?\d{1,4}(\.\d+)?x-?\d{1,4}(\.\d+)?"
 _POLYGON: Final = rf"^{_CORNER}( {_CORNER})+$"
+_LENGTH: Final = r"\d{1,4}(\.\d+)?"
+_HEAD_SHAPE: Final = rf"^{_LENGTH}: ?({_LENGTH}|{_CORNER}( {_CORNER})+)$"
 
 
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -106,6 +109,15 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "mm",
         ),
     ] = ()
+    head: Annotated[
+        tuple[Annotated[str, make_meta("", pattern=_HEAD_SHAPE)], ...],
+        make_meta(
+            "shapes of the print head and the gantry that must not touch finished parts when parts are printed one "
+            "after the other: for each, its height above the nozzle, then a radius, or corners relative to the "
+            "nozzle, as in 0: 45, 25: -9999x-30 9999x30",
+            "mm",
+        ),
+    ] = ("0: 65", "20: -9999x-9999 9999x9999")
     nozzle_diameter: Annotated[float, make_meta("diameter of the nozzle", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[
         float, make_meta("step of the Z axis; all layer heights are multiples of it", "mm", ge=0.0005, le=0.1)
@@ -343,6 +355,11 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 points = [(left, front), (right, front), (right, back), (left, back)]
             polygons.append(tuple(points))
         return tuple(polygons)
+
+    @property
+    def head_shapes(self) -> tuple[HeadShape, ...]:
+        """The shapes in `head`, the lowest first."""
+        return tuple(sorted(map(parse_head_shape, self.head)))
 
 
 class Material(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -473,6 +473,7 @@ M104 S0
 ; printer.reach = 0
 ; printer.bed_margin = 0
 ; printer.excluded_areas = 
+; printer.head = 0: 65, 20: -9999x-9999 9999x9999
 ; printer.nozzle_diameter = 0.4
 ; printer.z_step = 0.01
 ; printer.z_full_step = 0
