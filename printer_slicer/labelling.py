@@ -19,7 +19,7 @@ from printer_slicer.model import Labels, LayerPlan, Mesh, PlateObject, Program
 from printer_slicer.roles import roles_with
 from printer_slicer.values import Struct
 
-__all__ = ["SupportOwners", "find_objects", "label_moves"]
+__all__ = ["SupportOwners", "find_objects", "label_moves", "make_unique_names"]
 
 _TOLERANCE: Final = 1.0  # mm: extrusions may lie this far outside the bounding box because of compensation
 _MAX_NAME_LENGTH: Final = 24  # characters of a name, to keep lines short
@@ -75,10 +75,10 @@ def label_moves(
     item = np.full(program.n_moves, -1)
     item[lays] = found[np.cumsum(begins)[lays] - 1]
     boxes = np.array([[one.low[:2], one.high[:2]] for one in items])
-    return Labels(_make_unique_names([one.name for one in items]), boxes, item)
+    return Labels(make_unique_names([one.name for one in items]), boxes, item)
 
 
-def _make_unique_names(names: Sequence[str]) -> tuple[str, ...]:
+def make_unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """Make names unique and acceptable for all programs that read G-code."""
     made: list[str] = []
     for name in names:

@@ -5,7 +5,7 @@ Mesh -> LayerPlan -> Sections -> Walls -> Regions -> Toolpaths -> Travels -> Pro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from types import NoneType
 from typing import TYPE_CHECKING, Unpack
@@ -178,6 +178,9 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     Without `keep`, paths and areas are released as soon as the next stage has used them, see `slice_for_output`. A
     `trial` only needs the moves, so overhangs are not searched for in objects without supports.
     """
+    if profile.quality.print_order == "by_object" and len(part.objects) > 1:
+        run = partial(slice_planned, report=report, strategies=strategies, keep=keep, trial=trial)
+        return _slice_one_by_one(part, plan, profile, run)
     profile = apply_spiral_settings(profile)
     made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep, trial=trial)
     solid, walls, regions, found, supports = made
@@ -208,6 +211,15 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
     made_later = toolpaths, travels, program, link, labels, Repairs()
     return Stages(part, solid, walls, regions, *made_later, *_join_overhangs(found), supports)
+
+
+def _slice_one_by_one(
+    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, run: Callable[..., Stages]
+) -> Stages:
+    """Slice each object of a part with a function, and join them so that they are printed one after the other."""
+    from printer_slicer.sequential import join_stages, split_for_sequence  # noqa: PLC0415 - few plates need it
+
+    return join_stages(part, [run(*one) for one in split_for_sequence(part, plan, profile)], profile)
 
 
 def _select_adhesion(paths: Toolpaths) -> Toolpaths:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, hypot
+from types import NoneType
 from typing import Final
 
 import numpy as np
@@ -26,7 +28,7 @@ from printer_slicer.profile.object_profiles import (
 )
 from printer_slicer.surface.top_view import project_from_above
 
-__all__ = ["PART_GAP", "arrange", "find_motion", "find_places", "make_plates", "measure_room"]
+__all__ = ["PART_GAP", "arrange", "choose_gap", "find_motion", "find_places", "make_plates", "measure_room"]
 
 PART_GAP: Final = 6.0
 """Smallest distance between arranged parts by default, mm."""
@@ -36,8 +38,8 @@ _SLACK: Final = 1e-6  # mm
 _TOLERANCE: Final = 0.05  # mm; larger outlines are enlarged by this, then simplified within it
 
 
-@check_arguments(profile=Profile, gap=(int, float))
-def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) -> tuple[Mesh, ...]:
+@check_arguments(profile=Profile, gap=(int, float, NoneType))
+def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float | None = None) -> tuple[Mesh, ...]:
     """Arrange parts on few plates.
 
     Parts are rotated about z and moved. A part may stand in a hole of another part, but not below an overhang of it. If
@@ -50,7 +52,8 @@ def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) 
     Args:
         meshes: the parts; for copies, the same mesh several times.
         profile: gives the bed, and the width of brim, raft and supports.
-        gap: smallest distance between parts seen from above, mm.
+        gap: smallest distance between parts seen from above, mm; None: 6 mm, or what the print head needs if the parts
+            are printed one after the other.
 
     Returns:
         One mesh for each plate, at its position on the bed; the parts are its objects.
@@ -64,9 +67,24 @@ def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float = PART_GAP) 
         check_argument("meshes", mesh, Mesh)
     if not meshes:
         raise UsageError("no part to arrange", remedy="Pass at least one part")
+    gap = choose_gap(meshes, profile) if gap is None else gap
     if not 0 <= gap < np.inf:
         raise UsageError(f"gap {gap}: must be 0 mm or more", remedy="Choose a distance such as 6")
     return make_plates(meshes, find_places(meshes, profile, gap))
+
+
+def choose_gap(meshes: Sequence[Mesh], profile: Profile) -> float:
+    """Return the smallest distance between arranged parts if none is given, mm.
+
+    Parts that are printed one after the other are so far apart that the head, whichever way it is turned, does not
+    reach from one to another. Shapes that extend over the whole bed do not count, because no distance helps there.
+    """
+    if profile.quality.print_order == "by_layer" or len(meshes) < 2:
+        return PART_GAP
+    printer, height = profile.printer, max(float(mesh.size[2]) for mesh in meshes)
+    widest = max(printer.bed_x, printer.bed_y)
+    reach = [max(hypot(x, y) for x, y in one.corners) for one in printer.head_shapes if one.height < height]
+    return max([PART_GAP, *(ceil(10 * value) / 10 for value in reach if value < widest)])
 
 
 def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP) -> Arrangement:

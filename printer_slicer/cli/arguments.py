@@ -357,7 +357,7 @@ def _add_single_setting_options(group: argparse._ArgumentGroup, *, is_advanced: 
     from printer_slicer.cli.setting_options import SETTING_OPTIONS
 
     for flag, option in SETTING_OPTIONS.items():
-        if option.is_advanced != is_advanced:
+        if option.is_advanced != is_advanced or not option.metavar:
             continue
         optional: dict[str, Any] = (
             {"nargs": "?", "const": option.value_if_omitted} if option.value_if_omitted else {}
@@ -374,6 +374,18 @@ def _add_single_setting_options(group: argparse._ArgumentGroup, *, is_advanced: 
         )
         if is_advanced:
             mark_advanced(action)
+
+
+def _add_switches(group: argparse._ArgumentGroup) -> None:
+    """Add the options without a value that change one setting each."""
+    from printer_slicer.cli.setting_options import SETTING_OPTIONS
+
+    for flag, option in SETTING_OPTIONS.items():
+        if not option.metavar:
+            name, value = f"setting {option.setting}", option.value_if_omitted
+            mark_advanced(
+                group.add_argument(flag, action="store_const", const=value, dest=name, help=option.meaning)
+            )
 
 
 def add_layer_options(parser: argparse.ArgumentParser) -> None:
@@ -472,6 +484,7 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
         default=1,
         help="print N copies of each model, arranged on the bed",
     )
+    _add_switches(group)
     where = group.add_mutually_exclusive_group()
     arrange = where.add_argument(
         "--arrange", action="store_true", help="arrange the parts; default: if they overlap"

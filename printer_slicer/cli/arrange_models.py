@@ -25,7 +25,6 @@ __all__ = [
     "count_fused_copies",
     "describe_other_plates",
     "explain_arranging",
-    "get_gap",
     "is_arranging_requested",
     "reject_positions_with_copies",
     "split_separate_objects",
@@ -43,6 +42,7 @@ class ArrangedPlates(NamedTuple):
         parts: facts about each part, for JSON: name, plate (from 1), rotation and centre.
         shapes: the parts as they were given; copies are the same mesh.
         places: their places.
+        gap: smallest distance between parts, mm.
     """
 
     meshes: tuple[Mesh, ...]
@@ -50,19 +50,13 @@ class ArrangedPlates(NamedTuple):
     parts: tuple[dict[str, Any], ...]
     shapes: tuple[Mesh, ...]
     places: Arrangement
+    gap: float
 
-    def describe(self, gap: float) -> str:
+    def describe(self) -> str:
         """Return a sentence about the numbers of parts and plates."""
         many = "1 plate" if len(self.meshes) == 1 else f"{len(self.meshes)} plates"
         parts = "1 part" if len(self.parts) == 1 else f"{len(self.parts)} parts"
-        return f"arranged {parts} on {many}, at least {gap:g} mm apart"
-
-
-def get_gap(arguments: argparse.Namespace) -> float:
-    """Return the smallest distance between arranged parts, mm."""
-    from printer_slicer.plates import PART_GAP
-
-    return PART_GAP if arguments.gap is None else float(arguments.gap)
+        return f"arranged {parts} on {many}, at least {self.gap:g} mm apart"
 
 
 def is_arranging_requested(arguments: argparse.Namespace) -> bool:
@@ -171,13 +165,14 @@ def arrange_models(arguments: argparse.Namespace, meshes: Sequence[Mesh], profil
     Raises:
         PartError: a part does not fit the bed.
     """
-    from printer_slicer.plates import find_places, make_plates
+    from printer_slicer.plates import choose_gap, find_places, make_plates
 
-    places = find_places(meshes, profile, get_gap(arguments))
+    gap = choose_gap(meshes, profile) if arguments.gap is None else float(arguments.gap)
+    places = find_places(meshes, profile, gap)
     plates = make_plates(meshes, places, drop=arguments.drop)
     facts = tuple(_list_part_facts(meshes, places, plates))
     placement = Placement(arguments.center, arguments.center is None, arguments.drop)
-    return ArrangedPlates(plates, placement, facts, tuple(meshes), places)
+    return ArrangedPlates(plates, placement, facts, tuple(meshes), places, gap)
 
 
 def _list_part_facts(

@@ -111,7 +111,8 @@ def _collect_adhesion_facts(stages: Stages, profile: Profile) -> dict[str, Any]:
 def _collect_raft_facts(stages: Stages) -> dict[str, Any] | None:
     """Return the layer heights of the raft and its gap to the part, for JSON; None without a raft."""
     printed, lift = stages.program.plan, _find_lift(stages)
-    n_below = int(np.searchsorted(printed.top, lift + SAME_TOP))
+    first = printed.top[: int(np.append(printed.stack_starts, printed.n_layers)[1])]
+    n_below = int(np.searchsorted(first, lift + SAME_TOP))
     if not n_below:
         return None
     gap = float(lift - printed.top[n_below - 1])
@@ -122,12 +123,12 @@ def _find_filled_layers(stages: Stages) -> Int:
     """Return the layers of the part's plan that contain extrusions of the part itself, ascending."""
     program = stages.program
     filled = distinct(program.layer[roles_with(is_part=True)[program.role]])
-    return stages.sections.plan.find_tops(program.plan.top[filled] - _find_lift(stages))
+    return distinct(stages.sections.plan.find_tops(program.plan.top[filled] - _find_lift(stages)))
 
 
 def _find_lift(stages: Stages) -> float:
     """Return how far a raft raises the part, mm; 0 without one."""
-    return float(stages.program.plan.top[-1] - stages.sections.plan.top[-1])
+    return stages.program.plan.highest - stages.sections.plan.highest
 
 
 def _find_lowest_extrusion(stages: Stages) -> float:

@@ -20,7 +20,6 @@ from printer_slicer.cli.arrange_models import (
     count_fused_copies,
     describe_other_plates,
     explain_arranging,
-    get_gap,
     is_arranging_requested,
     reject_positions_with_copies,
     split_separate_objects,
@@ -209,7 +208,7 @@ def _arrange_parts(
     """Arrange parts; return them, and the facts that all plates have in common. Warnings are printed."""
     report("arranging")
     arranged = arrange_models(arguments, _add_volumes(loaded.parts, loaded.volumes), profile)
-    told = [f"{loaded.why}: {arranged.describe(get_gap(arguments))}"] if loaded.why else []
+    told = [f"{loaded.why}: {arranged.describe()}"] if loaded.why else []
     plate = replace(
         loaded.plate,
         placement=arranged.placement,

@@ -16,9 +16,10 @@ class SettingOption(NamedTuple):
 
     Attributes:
         setting: key of the setting.
-        metavar: name of the value in the help.
+        metavar: name of the value in the help; empty: the option has no value and sets `value_if_omitted`.
         help_suffix: text after the meaning of the setting in the help.
-        is_advanced: whether only --help-all shows it, among the options of the layer planner.
+        is_advanced: whether only --help-all shows it, among the options of the layer planner; without a value,
+            among those of the models.
         alias: another name of the option.
         value_if_omitted: value if the option is given without one; empty: a value is required.
         meaning: text of the help before the suffix; empty: the meaning of the setting.
@@ -67,6 +68,12 @@ SETTING_OPTIONS: Final[Mapping[str, SettingOption]] = {
         is_advanced=False,
         value_if_omitted="5",
         meaning="brim around the part, MM wide; without MM: 5 mm",
+    ),
+    "--sequential": SettingOption(
+        "quality.print_order",
+        "",
+        value_if_omitted="by_object",
+        meaning="print the parts one after the other",
     ),
     "--planner": SettingOption("quality.planner.kind", "NAME"),
     "--tolerance": SettingOption("quality.tolerance", "MM"),

@@ -36,10 +36,8 @@ def collect_print_facts(
     known = _collect_settings(profile)
     printer, material = profile.printer, profile.material
     (left, front), (right, back) = printer.corners
-    moves = int(np.searchsorted(program.layer, 1))  # of the first layer
-    first = program.role[:moves] != Role.TRAVEL
-    places = np.concatenate([program.origin[None], program.xyz[:moves]])[:, :2]
-    beads = np.concatenate([places[:-1][first], places[1:][first]])
+    first = np.flatnonzero(np.isin(program.layer, program.plan.stack_starts) & (program.role != Role.TRAVEL))
+    beads = np.concatenate([program.xyz[np.maximum(first - 1, 0), :2], program.xyz[first, :2]])
     low, high = (beads.min(axis=0), beads.max(axis=0)) if len(beads) else (np.zeros(2), np.zeros(2))
     used = program.filament_used
     grams = used * material.filament_area / 1000 * material.density
@@ -52,7 +50,7 @@ def collect_print_facts(
         "first_layer_max_x": high[0],
         "first_layer_max_y": high[1],
         "layer_count": program.plan.n_layers,
-        "part_height": program.plan.top[-1],
+        "part_height": program.plan.highest,
         "filament_used": used,
         "filament_used_g": grams,
         "print_seconds": seconds,
@@ -160,7 +158,7 @@ def collect_layer_facts(program: Program, layer: int, filament: float, seconds: 
     return {
         "layer_num": layer,
         "layer_z": top,
-        "max_layer_z": top,
+        "max_layer_z": round(float(plan.top[: layer + 1].max()), _DECIMALS),
         "current_layer_height": round(float(plan.height[layer]), _DECIMALS),
         "filament_so_far": round(filament, _DECIMALS),
         "seconds_so_far": round(seconds, _DECIMALS),
@@ -169,7 +167,7 @@ def collect_layer_facts(program: Program, layer: int, filament: float, seconds: 
 
 def collect_end_facts(program: Program, profile: Profile) -> Mapping[str, Value]:
     """Return the facts that only the end G-code may use; `layer_z` includes the lift, as in PrusaSlicer."""
-    top = float(program.plan.top[-1])
+    top = program.plan.highest
     return {
         "layer_num": program.plan.n_layers - 1,
         "layer_z": round(top + profile.printer.z_hop, _DECIMALS),

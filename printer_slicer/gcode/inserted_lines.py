@@ -229,22 +229,23 @@ def _find_codes(lines: list[str]) -> set[bytes]:
 
 
 def _find_pause_layers(context: WriteContext) -> set[int]:
-    """Return the layers before which the print pauses.
+    """Return the layers before which the print pauses; each object that is printed on its own pauses at each height.
 
     Raises:
         ProfileError: a pause lies above the part.
     """
     program, tops = context.program, context.program.plan.top
     layers = distinct(program.layer)
-    pauses = set()
+    stack = np.searchsorted(program.plan.stack_starts, layers, side="right")
+    pauses = set[int]()
     for z in context.profile.quality.pause_at:
-        later = layers[tops[layers] > z + 1e-6]
+        later = np.flatnonzero(tops[layers] > z + 1e-6)
         if not len(later):
             raise ProfileError(
-                f"quality.pause_at: {z:g} mm is above the top of the part at {tops[-1]:g} mm",
+                f"quality.pause_at: {z:g} mm is above the top of the part at {program.plan.highest:g} mm",
                 remedy="Choose a height below the last layer",
             )
-        pauses.add(int(later[0]))
+        pauses.update(layers[later[run_starts(stack[later])]].tolist())
     return pauses
 
 

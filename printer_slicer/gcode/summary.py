@@ -86,7 +86,7 @@ def _collect_common_settings(program: Program, profile: Profile) -> Mapping[str,
     return {
         "layer_height": format_number(float(usual)),
         "first_layer_height": format_number(float(plan.height[0])),
-        "max_layer_z": format_number(float(plan.top[-1])),
+        "max_layer_z": format_number(plan.highest),
         "nozzle_diameter": format_number(printer.nozzle_diameter),
         "filament_diameter": format_number(material.filament_diameter),
         "filament_type": material.type or material.name,

@@ -294,6 +294,8 @@ def _convert_quality(get: _GetValue, put: _PutSetting) -> None:
         "initial_layer_line_width_factor",
         _format_value(float(get("wall_line_width_0")) * factor),
     )
+    order = _get_value_or_default(get, "print_sequence", "all_at_once")
+    put("print_sequence", "print_sequence", str(order))
     put("ironing_flowrate", "ironing_flow", f"{float(get('ironing_flow')):g}%")
     outer_first = (
         _get_value_or_default(get, "outer_inset_first", False)

@@ -305,6 +305,19 @@ def _convert_perimeters(conversion: Conversion) -> None:
             "max_detour", detour.value or 10000, 0, 10000, "avoid_crossing_perimeters_max_detour"
         )
     conversion.copy_switch("spiral", "spiral_vase")
+    _convert_print_order(conversion)
+
+
+def _convert_print_order(conversion: Conversion) -> None:
+    """Convert whether objects are printed one after the other, which the slicers name differently."""
+    preset = conversion.preset
+    if preset.has("complete_objects"):
+        order = "by_object" if preset.is_on("complete_objects") else "by_layer"
+        conversion.put("print_order", order, "complete_objects")
+    if preset.has("print_sequence"):
+        known = {"by layer": "by_layer", "all_at_once": "by_layer"}
+        known |= {"by object": "by_object", "one_at_a_time": "by_object"}
+        conversion.convert_choice("print_order", "print_sequence", known, {}, "by_layer")
 
 
 def _convert_bead_widths(conversion: Conversion) -> None:

@@ -24,7 +24,8 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
     """The stack of layers: their tops, and the heights at which the mesh is cut.
 
     Attributes:
-        top: (L,) z of the top of each layer, mm, strictly increasing; the nozzle prints at this height.
+        top: (L,) z of the top of each layer, mm, strictly increasing; the nozzle prints at this height. In a
+            program that prints objects one after the other, tops increase within each object.
         cut: (L,) z at which the mesh is cut for each layer, mm, within the layer.
         planner: name of the planner that made the plan.
         containment: "mid": a layer has the section at `cut`; "positive": the union of all sections between bottom and
@@ -93,6 +94,19 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
     def bottom(self) -> Float:
         """Height z of the bottom of each layer (L,), mm."""
         return np.array(self.base) if len(self.base) else np.concatenate([[0.0], self.top[:-1]])
+
+    @property
+    def highest(self) -> float:
+        """Highest top of all layers, mm."""
+        return float(self.top.max())
+
+    @property
+    def stack_starts(self) -> Int:
+        """Indices of the first layers of all stacks: layer 0, and each layer with a lower top than the one before.
+
+        There are several stacks if objects are printed one after the other.
+        """
+        return np.flatnonzero(np.append(True, np.diff(self.top) < 0))
 
     def find_tops(self, tops: Float) -> Int:
         """Return the indices of the layers with these tops (n,), mm."""

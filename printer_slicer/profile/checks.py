@@ -39,6 +39,7 @@ def find_all_conflicts(profile: Profile) -> Iterator[Conflict]:
     yield from _check_temperatures(profile)
     yield from _check_firmware(profile)
     yield from _check_bed(profile)
+    yield from _check_print_order(profile)
     yield from _check_thumbnails(profile)
 
 
@@ -217,6 +218,18 @@ def _check_bed(profile: Profile) -> Iterator[Conflict]:
             if min(max(xs) - min(xs), max(ys) - min(ys)) <= 0:
                 remedy = "Write its corners, or two opposite corners"
                 yield Conflict(f"printer.{name}", f"{text!r} has no area", remedy)
+
+
+def _check_print_order(profile: Profile) -> Iterator[Conflict]:
+    """Check that objects that are printed one after the other have no draft shield around them all."""
+    quality = profile.quality
+    if (
+        quality.print_order == "by_object"
+        and quality.skirt_loops
+        and quality.skirt_height > quality.first_layer_height
+    ):
+        problem = f"a skirt of {quality.skirt_height:g} mm height surrounds objects that are printed later"
+        yield Conflict("quality.skirt_height", problem, "Set skirt_height = 0, or print_order = by_layer")
 
 
 def _check_thumbnails(profile: Profile) -> Iterator[Conflict]:

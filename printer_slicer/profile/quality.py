@@ -16,6 +16,13 @@ __all__ = ["Quality"]
 class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Settings of a quality, which are independent of printer and material."""
 
+    print_order: Annotated[
+        Literal["by_layer", "by_object"],
+        make_meta(
+            "by_layer: all objects of the plate grow together; by_object: each is finished before the next begins, as "
+            "far as the shapes in printer.head allow"
+        ),
+    ] = "by_layer"
     skirt_loops: Annotated[int, make_meta("number of skirt loops on the first layer", ge=0, le=20)] = 1
     skirt_distance: Annotated[
         float, make_meta("gap between the skirt and the part or its brim", "mm", ge=0, le=50)

@@ -117,7 +117,7 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
             "nozzle, as in 0: 45, 25: -9999x-30 9999x30",
             "mm",
         ),
-    ] = ("0: 65", "20: -9999x-9999 9999x9999")
+    ] = ("0: 65", "20: -999x-999 999x999")
     nozzle_diameter: Annotated[float, make_meta("diameter of the nozzle", "mm", ge=0.1, le=2)] = 0.4
     z_step: Annotated[
         float, make_meta("step of the Z axis; all layer heights are multiples of it", "mm", ge=0.0005, le=0.1)

@@ -67,13 +67,16 @@ def test_by_default_there_are_counts_and_at_most_five_differences(
         "largest differences from the source:",
         "  quality: perimeters = 140 -> perimeters = 100 (100 is the maximum here)",
         "  quality: fuzzy_skin = all is not imported (no equivalent)",
-        "  quality: complete_objects = 1 is not imported (no equivalent)",
         "  quality: fill_pattern = stars -> infill = triangles (triangles is the most similar choice for stars)",
         (
             "  material: filament_max_volumetric_speed = 0 mm³/s -> max_flow = 0 mm³/s "
             "(unlimited in the source; here 0 means printer.hotend_max_flow, or 12 mm³/s if that is 0)"
         ),
-        "add -v to see 2 more differences and all settings",
+        (
+            "  quality: infill_extrusion_width = 0.6 mm is not imported (extrusion_width applies to everything but "
+            "external perimeters and the first layer)"
+        ),
+        "add -v to see 1 more difference and all settings",
     ]
     assert len(lines) == 13
     _, material, _ = run(capsys, path, "--only", "Plain PLA", "--force")

@@ -473,7 +473,7 @@ M104 S0
 ; printer.reach = 0
 ; printer.bed_margin = 0
 ; printer.excluded_areas = 
-; printer.head = 0: 65, 20: -9999x-9999 9999x9999
+; printer.head = 0: 65, 20: -999x-999 999x999
 ; printer.nozzle_diameter = 0.4
 ; printer.z_step = 0.01
 ; printer.z_full_step = 0
@@ -639,6 +639,7 @@ M104 S0
 ; quality.internal_infill_every = 0
 ; quality.perimeters_every = 0
 ; quality.lightning_angle_deg = 40
+; quality.print_order = by_layer
 ; quality.skirt_loops = 1
 ; quality.skirt_distance = 2.0
 ; quality.skirt_min_length = 0

@@ -29,7 +29,7 @@ def test_a_radius_becomes_a_polygon_around_the_circle() -> None:
 
 def test_two_corners_are_a_rectangle_and_more_are_a_polygon() -> None:
     assert parse_head_shape("25:-999x-30 999x30").corners == ((-999, -30), (999, -30), (999, 30), (-999, 30))
-    assert parse_head_shape("0: -2x0 2x0 0x3").corners == ((-2, 0), (2, 0), (0, 3))
+    assert parse_head_shape("0: -2x0 0x3 2x0 0x1").corners == ((-2, 0), (2, 0), (0, 3))
 
 
 def test_shapes_are_sorted_by_height() -> None:
@@ -51,7 +51,7 @@ def test_shipped_printers_have_a_head_that_reaches_everywhere_at_some_height() -
     head = load_profile("creality_ender3").printer.head_shapes
 
     assert [shape.height for shape in head] == [0, 34]
-    assert min(x for x, _ in head[-1].corners) == -9999
+    assert min(x for x, _ in head[-1].corners) == -999
 
 
 def test_the_head_of_orcaslicer_has_rods_along_x_and_a_lid(tmp_path: Path) -> None:

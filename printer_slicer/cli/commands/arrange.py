@@ -59,7 +59,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Arrange models, and write a 3MF file for each plate."""
-    from printer_slicer.cli.arrange_models import get_gap
     from printer_slicer.cli.models import load_arranged_plates
     from printer_slicer.mesh_io.three_mf_writing import make_three_mf
 
@@ -87,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         facts = plate.collect_facts() | {"warnings": [*plate.warnings, *lost], "outputs": files}
         print(json.dumps(facts | collect_profile_facts(arguments)))
     else:
-        print_text(arguments, f"{', '.join(files)}: {arranged.describe(get_gap(arguments))}")
+        print_text(arguments, f"{', '.join(files)}: {arranged.describe()}")
     open_files(arguments, list(outputs.values()))
     return 0
 

@@ -230,7 +230,8 @@ def _has_planned_heights(job: Job, extruded: tuple[float, ...]) -> bool:
         return True
     # The start G-code consists of the commands before the first layer comment.
     primed = set(_heights_of_start_gcode(job))
-    planned = [round(float(z), 4) for z in job.program.plan.top[job.program.printed]]
+    tops = job.program.plan.top[job.program.printed]
+    planned = list(dict.fromkeys(round(float(z), 4) for z in tops))
     return set(extruded) - primed <= set(planned) and [z for z in extruded if z not in primed] == [
         z for z in planned if z not in primed
     ]

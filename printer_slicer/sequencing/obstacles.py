@@ -1,0 +1,90 @@
+"""Objects that are in the way of the print head while others are printed.
+
+Object B can follow object A if no shape of the head touches A while B is printed. The shape with outline P at height h
+above the nozzle touches what A has above z + h within N + P (Minkowski sum), if N are the positions of the nozzle at
+height z. N is replaced by its convex hull, so some orders that would just be possible are rejected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.geometry import Areas, convex_hull, intersection, offset
+from printer_slicer.profile import Printer
+from printer_slicer.sequencing.extents import ObjectExtent
+
+__all__ = ["Obstacle", "list_obstacles", "measure_gantry_height", "measure_missing_distance"]
+
+_LONGEST: Final = 500.0  # mm; a shape that reaches farther is a gantry, from which no distance helps
+_ACCURACY: Final = 0.05  # mm, of missing distances
+
+
+class Obstacle(NamedTuple):
+    """Object `first` must not be finished before object `later` is printed; both are indices."""
+
+    first: int
+    later: int
+
+
+class _Swept(NamedTuple):
+    """What one or several shapes of the head sweep while an object is printed: each area, and what it must not meet."""
+
+    areas: Areas
+    above: Areas
+    height: Float
+
+
+def list_obstacles(extents: Sequence[ObjectExtent], printer: Printer) -> list[Obstacle]:
+    """Return all pairs of objects of which the first must not be finished before the other is printed."""
+    found = []
+    for pair in combinations(range(len(extents)), 2):
+        for first, later in (pair, pair[::-1]):
+            if _find_contacts(_sweep_head(extents[first], extents[later], printer)).any():
+                found.append(Obstacle(first, later))
+    return found
+
+
+def _sweep_head(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> _Swept:
+    """Return what the head sweeps while `later` is printed, for all shapes that get below the top of `first`."""
+    sums, heights, z = list[list[Float]](), list[float](), list[float]()
+    for shape in printer.head_shapes:
+        outline = convex_hull(np.array(shape.corners)).ring(0)
+        for layer, low in enumerate(later.nozzle_level.tolist()):
+            if low + shape.height >= first.top - 1e-6:
+                break
+            hull = later.nozzle.ring(layer)
+            points = (hull[:, None] + outline[None]).reshape(-1, 2)
+            sums.append([convex_hull(points).ring(0)])
+            heights.append(shape.height)
+            z.append(low + shape.height)
+    above = first.above.copy_layers(first.find_levels(np.array(z, np.float64)))
+    return _Swept(Areas.from_rings(sums), above, np.array(heights))
+
+
+def _find_contacts(swept: _Swept, margin: float = 0.0) -> Bool:
+    """Return which (n,) swept areas, smaller by a margin in mm, meet what is printed there."""
+    areas = offset(swept.areas, -margin) if margin and swept.areas.n_rings else swept.areas
+    return intersection(areas, swept.above).used
+
+
+def measure_missing_distance(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> float:
+    """Return by how much an object must be farther from `first` to be printed after it, mm; inf: no distance helps."""
+    swept = _sweep_head(first, later, printer)
+    if _find_contacts(swept, _LONGEST).any():
+        return np.inf
+    low, high = 0.0, _LONGEST
+    while high - low > _ACCURACY:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _find_contacts(swept, middle).any() else (low, middle)
+    return high
+
+
+def measure_gantry_height(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> float:
+    """Return the height above the nozzle of the lowest shape that touches `first` at any distance, mm."""
+    swept = _sweep_head(first, later, printer)
+    return float(swept.height[_find_contacts(swept, _LONGEST)].min())

@@ -1,0 +1,205 @@
+"""Objects that are printed one after the other: moves, temperatures, labels, files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import printer_slicer as ps
+from printer_slicer.errors import PartError, ProfileError
+from printer_slicer.importing import ImportedProfile
+from printer_slicer.inspection.dry_run.runner import dry_run
+from printer_slicer.model import Fan, Heat
+from printer_slicer.roles import Role
+from tests.importing.files import flat_file, imported
+from tests.parts import box, joined
+from tests.sequencing.head_contacts import find_contacts, list_objects
+
+HEAD = "0: 15, 12: -9999x-9999 9999x9999"
+CHANGES = {
+    "print_order": "by_object",
+    "printer.head": HEAD,
+    "layer_height": 0.3,
+    "infill_density": 0,
+    "perimeters": 1,
+    "top_thickness": 0.5,
+    "bottom_thickness": 0.5,
+}
+AS_PLACED = ps.Placement(as_placed=True)
+
+
+def load(**changes: object) -> ps.Profile:
+    return ps.load_profile("marlin_220", quality="standard", changes=CHANGES | changes)
+
+
+def plate(*boxes: tuple[str, tuple[float, float], tuple[float, float, float]]) -> ps.Mesh:
+    return ps.join([ps.Mesh(box(size, at=(*at, 0)).triangles, name) for name, at, size in boxes])
+
+
+THREE = plate(
+    ("tall", (50, 60), (12, 12, 20)), ("low", (90, 60), (15, 10, 6)), ("mid", (60, 110), (10, 14, 10))
+)
+
+
+@pytest.fixture(scope="module")
+def sliced() -> ps.Stages:
+    return ps.slice_stages(THREE, load(), placement=AS_PLACED)
+
+
+def test_each_object_is_finished_before_the_next_begins(sliced: ps.Stages) -> None:
+    assert list_objects(sliced) == [1, 2, 0]
+    program = sliced.program
+    starts = program.plan.stack_starts
+    assert len(starts) == 3
+    assert program.plan.highest == pytest.approx(20, abs=0.3)
+    assert (np.diff(program.layer) >= 0).all()
+    assert program.xyz[program.role != Role.TRAVEL, 2] == pytest.approx(
+        program.plan.top[program.layer[program.role != Role.TRAVEL]]
+    )
+
+
+def test_nothing_is_touched_and_the_nozzle_travels_above_everything(sliced: ps.Stages) -> None:
+    assert find_contacts(sliced, load().printer) == 0
+    program = sliced.program
+    top = 0.0
+    for begin in program.plan.stack_starts.tolist()[1:]:
+        first = int(np.searchsorted(program.layer, begin))
+        top = max(top, float(program.plan.top[:begin].max()))
+        assert program.xyz[first, 2] > top + 1
+        assert program.xyz[first - 1, 2] > top + 1
+    assert program.xyz[-1, 2] > program.plan.highest + 1
+
+
+def test_a_wrong_order_would_touch(sliced: ps.Stages) -> None:
+    assert find_contacts(sliced, load(**{"printer.head": "0: 60"}).printer) > 0
+
+
+def test_the_filament_is_retracted_once_per_travel_and_comes_back(sliced: ps.Stages) -> None:
+    program = sliced.program
+    pulled = np.cumsum(np.where(program.role == Role.TRAVEL, program.filament, 0.0))
+    assert pulled.min() == pytest.approx(-load().printer.retract_length)
+    assert pulled[program.role != Role.TRAVEL] == pytest.approx(0)
+
+
+def test_the_skirt_surrounds_all_objects_once(sliced: ps.Stages) -> None:
+    program = sliced.program
+    assert set(program.layer[program.role == Role.SKIRT].tolist()) == {0}
+    around = program.xyz[program.role == Role.SKIRT, :2]
+    assert (around.min(axis=0) < THREE.bounds[0, :2]).all()
+    assert (around.max(axis=0) > THREE.bounds[1, :2]).all()
+
+
+def test_each_object_has_its_own_brim() -> None:
+    stages = ps.slice_stages(THREE, load(brim_width=2), placement=AS_PLACED)
+    assert stages.labels is not None
+    brims = stages.labels.object_id[stages.program.role == Role.BRIM]
+    assert brims[np.append(True, np.diff(brims) != 0)].tolist() == [1, 2, 0]
+
+
+def test_only_the_first_object_has_the_temperature_of_first_layers(sliced: ps.Stages) -> None:
+    heats = [event for event in sliced.program.events if isinstance(event, Heat)]
+    assert [one.nozzle for one in heats] == [load().material.nozzle_temperature]
+    assert sliced.program.layer[heats[0].index] == 1
+
+
+def test_the_fan_is_off_on_the_first_layer_of_every_object(sliced: ps.Stages) -> None:
+    program = sliced.program
+    fans = [event for event in program.events if isinstance(event, Fan)]
+    for begin in program.plan.stack_starts.tolist()[1:]:
+        first = int(np.searchsorted(program.layer, begin))
+        assert [one.ratio for one in fans if one.index <= first][-1] == 0
+
+
+def test_the_file_prints_as_planned_on_the_simulated_printer() -> None:
+    job = ps.job_of(THREE, load(pause_at="3"), placement=AS_PLACED)
+    assert [one for one in job.findings if one.is_error and one.code != "wait"] == []
+    text = job.text.decode()
+    assert text.count("M0") + text.count("M25") + text.count("M601") == 3
+
+    verdict = dry_run(ps.job_of(THREE, load(), placement=AS_PLACED), load())
+    assert verdict.problems == ()
+    assert verdict.heights_equal
+
+
+def test_a_printer_that_skips_an_object_first_goes_above_its_end(sliced: ps.Stages) -> None:
+    rows = ps.job_of(sliced, load(**{"printer.labels": "octoprint"})).text.decode().splitlines()
+    last = [row for row, line in enumerate(rows) if line.startswith("; stop printing object low")][-1]
+    after = next(line for line in rows[last + 1 :] if line.startswith("G0"))
+    assert "X" in after
+    assert "Y" in after
+    assert "Z7.9 " in after
+
+
+def test_facts_for_macros_concern_the_whole_plate(sliced: ps.Stages) -> None:
+    ending = "; top {max_layer_z} layers {layer_count} x {first_layer_max_x}"
+    text = ps.job_of(sliced, load(**{"printer.end_gcode": ending})).text.decode()
+    assert f"; top 20 layers {sliced.program.plan.n_layers}" in text.replace("20.1", "20")
+
+
+def test_supports_and_a_raft_belong_to_their_object() -> None:
+    table = joined([box((4, 4, 8), at=(74, 74, 0)), box((20, 20, 2), at=(66, 66, 8))]).triangles
+    tables = [ps.Mesh(table, "one"), ps.Mesh(table + np.array([70.0, 0, 0]), "two")]
+    for changes in ({"support": "columns"}, {"raft_height": 0.9}):
+        profile = load(**changes)
+        stages = ps.slice_stages(ps.join(tables), profile, placement=AS_PLACED)
+        assert list_objects(stages) == [0, 1]
+        assert find_contacts(stages, profile.printer) == 0
+    assert stages.program.plan.stack_starts.tolist() == [0, stages.program.plan.n_layers // 2]
+
+
+def test_objects_may_have_plans_and_settings_of_their_own() -> None:
+    plans = [ps.LayerPlan.from_tops(np.arange(1, n + 1) * h) for n, h in ((40, 0.5), (20, 0.3), (50, 0.2))]
+    stages = ps.slice_stages(THREE, load(overrides="low:perimeters=2"), plan=plans, placement=AS_PLACED)
+    assert stages.program.plan.n_layers == 110
+    assert stages.program.plan.stack_starts.tolist() == [0, 20, 70]
+
+
+def test_several_spiral_vases_can_be_printed() -> None:
+    stages = ps.slice_stages(THREE, load(spiral=True), placement=AS_PLACED)
+    assert list_objects(stages) == [1, 2, 0]
+
+
+def test_a_single_object_is_printed_as_ever() -> None:
+    one = ps.Mesh(box((10, 10, 5)).triangles, "box")
+    by_object, by_layer = (
+        ps.slice_stages(one, load(print_order=order)).program for order in ("by_object", "by_layer")
+    )
+    assert (by_object.xyz == by_layer.xyz).all()
+
+
+def test_objects_that_are_too_near_are_named() -> None:
+    near = plate(("left", (50, 60), (12, 12, 9)), ("right", (70, 60), (12, 12, 9)))
+    with pytest.raises(PartError, match=r"right and left|left and right"):
+        ps.slice_stages(near, load(), placement=AS_PLACED)
+
+
+def test_arranged_parts_are_so_far_apart_that_the_head_fits_between_them() -> None:
+    parts = [ps.Mesh(box((12, 12, 9)).triangles, "box")] * 5
+    profile = load(brim_width=3)
+    (arranged,) = ps.arrange(parts, profile)
+    stages = ps.slice_stages(arranged, profile, placement=AS_PLACED)
+    assert sorted(list_objects(stages)) == [0, 1, 2, 3, 4]
+
+
+def test_a_draft_shield_is_rejected() -> None:
+    with pytest.raises(ProfileError, match="skirt"):
+        load(skirt_height=20)
+
+
+def _quality(path: Path) -> ImportedProfile:
+    return imported(path)["quality"]
+
+
+def test_the_order_is_imported(tmp_path: Path) -> None:
+    for changes, order in (
+        ({"complete_objects": "1"}, "by_object"),
+        ({"complete_objects": "0"}, "by_layer"),
+        ({"print_sequence": "by object"}, "by_object"),
+    ):
+        assert _quality(flat_file(tmp_path, **changes)).values["print_order"] == order
+    printer = imported(flat_file(tmp_path, extruder_clearance_radius="45", extruder_clearance_height="25"))[
+        "printer"
+    ]
+    assert printer.values["head"] == ["0: 45", "25: -9999x-9999 9999x9999"]
