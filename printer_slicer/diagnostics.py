@@ -159,6 +159,13 @@ CODES: Final[Mapping[str, Code]] = {
         "printed outline that differs from the part", "Check size compensation and scale"
     ),
     "crash": _dry_run_code("collision of the nozzle with the print", "Raise the nozzle before this move"),
+    "head": Code(
+        "lint, dry run",
+        "error",
+        "contact of the print head or the gantry with a printed part",
+        "Print the parts farther apart or layer by layer, or correct printer.head",
+        True,
+    ),
     "bed": _dry_run_code(
         "extrusion so low that the nozzle scrapes the bed", "Check the z offset and the units"
     ),
@@ -197,7 +204,7 @@ CODES: Final[Mapping[str, Code]] = {
 NAMES: Final[Mapping[str, str]] = {name: row.meaning for name, row in CODES.items() if row.allowed}
 """Code that `--allow` accepts -> its meaning."""
 
-_COUNTED_BY_LAYER: Final = frozenset({"unsupported", "crash", "bed", "flow"})
+_COUNTED_BY_LAYER: Final = frozenset({"unsupported", "crash", "head", "bed", "flow"})
 """Codes of which a dry run counts the affected layers."""
 
 

@@ -634,7 +634,7 @@ def add_units_option(group: argparse._ArgumentGroup) -> argparse.Action:
 
 # The keys of diagnostics.NAMES; that module is not imported, so that --help stays fast.
 _FINDING_NAMES: Final = (
-    "temperature, box, feed, flow, ratio, unsupported, cold, homing, eeprom, limits, calibration, autotune, "
+    "temperature, box, feed, flow, ratio, unsupported, head, cold, homing, eeprom, limits, calibration, autotune, "
     "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
 )
 

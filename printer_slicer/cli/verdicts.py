@@ -163,7 +163,7 @@ def _find_other_lint_errors(verdict: Verdict, job: Job) -> list[Diagnostic]:
     """Return the lint errors that the dry run did not report as faults."""
     kinds = {one.code for one in verdict.faults if one.is_error}
     said = {name: {name} for name in ("box", "temperature", "cold", "homing", "unreadable")}
-    said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}}
+    said |= {"flow": {"flow", "extrusion"}, "unsupported": {"unsupported"}, "head": {"head", "crash"}}
     return [one for one in list_disallowed_errors(job) if not said.get(one.code, set()) & kinds]
 
 

@@ -1,6 +1,7 @@
 """Find defects of the extrusion, height by height, with a height map of everything printed before.
 
 defect              condition
+head                a shape of the print head touches the print, see `deposition.head_contacts`
 unsupported         extrusion with nothing below it, see `deposition.unsupported`
 collision           the nozzle, extruding or not, is more than 0.12 mm below the print in its path
 on the bed          extrusion less than 0.04 mm above the bed
@@ -14,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Int
+from printer_slicer.inspection.deposition.head_contacts import HeadContactFinder
 from printer_slicer.inspection.deposition.height_map import (
     NEGLIGIBLE,
     HeightMap,
@@ -46,6 +48,7 @@ class DefectFinder:
         height_map: everything printed so far; checked moves are added to it.
         max_flow: highest flow of the material, mm³/s.
         marks: layers and roles from the comments.
+        head: finds contacts of the print head; None: its shape is unknown.
 
     Attributes:
         defects: one defect of each kind per layer, in order; the first 200.
@@ -53,8 +56,10 @@ class DefectFinder:
         peak: the highest flow; None without extrusion.
     """
 
-    def __init__(self, height_map: HeightMap, max_flow: float, marks: Marks) -> None:
-        self._height_map, self._max_flow, self._marks = height_map, max_flow, marks
+    def __init__(
+        self, height_map: HeightMap, max_flow: float, marks: Marks, head: HeadContactFinder | None = None
+    ) -> None:
+        self._height_map, self._max_flow, self._marks, self._head = height_map, max_flow, marks, head
         self.defects: list[Defect] = []
         self.counts: dict[str, int] = {}
         self.peak: Defect | None = None
@@ -62,6 +67,7 @@ class DefectFinder:
     def check(self, batch: MoveBatch, layers: Int) -> None:
         """Check moves of one height; `layers` (n,) are their layer numbers."""
         self._check_flow(batch, layers)
+        self._find_head_contacts(batch, layers)
         pieces = split_moves(batch.start, batch.end)
         cell = self._height_map.cells(pieces)
         self._find_collisions(batch, pieces, cell, layers)
@@ -85,6 +91,15 @@ class DefectFinder:
         if flow > self._max_flow * _FLOW_TOLERANCE:
             first = int(np.flatnonzero(batch.flow > self._max_flow * _FLOW_TOLERANCE)[0])
             self._record(batch.make_defect("flow", first, layers, flow))
+
+    def _find_head_contacts(self, batch: MoveBatch, layers: Int) -> None:
+        """Find contacts of the print head with the print."""
+        if self._head is None:
+            return
+        moves = batch.start, batch.end, batch.extrudes
+        for contact in self._head.check(moves, lambda _: None, lambda: self._height_map):
+            defect = batch.make_defect("head", int(contact.moves[0]), layers, contact.height)
+            self._record(defect._replace(x=contact.x, y=contact.y, z=contact.z, depth=contact.depth))
 
     def _find_collisions(self, batch: MoveBatch, pieces: MovePieces, cell: Int, layers: Int) -> None:
         """Find collisions of the nozzle with the print."""
@@ -128,7 +143,7 @@ class DefectFinder:
         )
         if previous is not None and self.defects[previous].layer == defect.layer:
             old = self.defects[previous]
-            merge = max if defect.kind in {"flow", "crash"} else float.__add__
+            merge = max if defect.kind in {"flow", "crash", "head"} else float.__add__
             self.defects[previous] = old._replace(
                 amount=merge(old.amount, defect.amount), depth=max(old.depth, defect.depth)
             )

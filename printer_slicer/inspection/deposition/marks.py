@@ -98,12 +98,13 @@ class Defect(NamedTuple):
     """A defect of the extrusion: its kind, command, position and amount.
 
     Attributes:
-        kind: "unsupported", "crash", "bed" or "flow".
+        kind: "unsupported", "crash", "head", "bed" or "flow".
         command: the command that caused it, counted from 1.
         layer: see `Marks.layer_at`.
         z, x, y: mm, its position.
-        amount: unsupported length or length of the collision, mm; height above the bed, mm; or flow, mm³/s.
-        depth: mm, depth of a collision.
+        amount: unsupported length or length of the collision, mm; height above the bed, or of a shape of the head above
+            the nozzle, mm; or flow, mm³/s.
+        depth: mm, depth of a collision or contact.
     """
 
     kind: str

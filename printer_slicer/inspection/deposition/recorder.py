@@ -5,12 +5,14 @@ Moves arrive in chunks. Extrusions of one height are checked together, see `defe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.deposition.defects import COLLISION_DEPTH, DefectFinder
+from printer_slicer.inspection.deposition.head_contacts import HeadContactFinder
 from printer_slicer.inspection.deposition.height_map import (
     COMMAND,
     END,
@@ -25,6 +27,7 @@ from printer_slicer.inspection.deposition.marks import Marks
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.deposition.timeline import TimelineRecorder
 from printer_slicer.inspection.deposition.underextrusion import MissingExtrusionFinder
+from printer_slicer.profile.print_head import HeadShape
 
 __all__ = ["DepositionRecorder"]
 
@@ -44,6 +47,7 @@ class DepositionRecorder:
         area: cross-section of the filament, mm².
         max_flow: highest flow of the material, mm³/s.
         marks: layers and roles from the comments.
+        shapes: of the print head.
     """
 
     def __init__(
@@ -52,9 +56,12 @@ class DepositionRecorder:
         area: float,
         max_flow: float,
         marks: Marks,
+        shapes: Sequence[HeadShape] = (),
     ) -> None:
         self._height_map = HeightMap(*box)
-        self._defects = DefectFinder(self._height_map, max_flow, marks)
+        self._defects = DefectFinder(
+            self._height_map, max_flow, marks, HeadContactFinder(shapes, box) if shapes else None
+        )
         self._area, self._marks = area, marks
         # Filament fed by each tool so far, and its maximum, mm.
         self._fed_by_tool: dict[int, tuple[float, float]] = {}

@@ -276,6 +276,11 @@ class UnsupportedTracker:
             begin, self._z = first, height
         self._queue.append(moves.select_range(begin, len(extruding)))
 
+    def read_height_map(self) -> HeightMap | None:
+        """Return the height map of all moves so far; None if nothing is printed."""
+        self._check_queue()
+        return self._height_map
+
     def close(self) -> tuple[UnsupportedExtrusion, ...]:
         """Return all unsupported extrusion, in the order of the commands."""
         self._check_queue()

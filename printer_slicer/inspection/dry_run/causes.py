@@ -22,7 +22,7 @@ _CONSEQUENCES: Final[Mapping[str, frozenset[str]]] = {
     "arc": frozenset({"unsupported", "lack"}),
     "extrusion": frozenset({"unsupported", "flow", "lack"}),
     "clog": frozenset({"unsupported", "flow", "lack"}),
-    "box": frozenset({"unsupported", "bed", "crash", "flow", "lack", "extrusion"}),
+    "box": frozenset({"unsupported", "bed", "crash", "head", "flow", "lack", "extrusion"}),
     "bed": frozenset({"unsupported"}),
     "lack": frozenset({"unsupported"}),
     "crash": frozenset({"bed", "unsupported"}),
@@ -79,6 +79,9 @@ def drop_consequences(defects: Sequence[Defect], causes: list[Cause]) -> list[De
         remaining.append(one)
         if one.kind in {"bed", "crash"}:
             causes.append(Cause(one.kind, one.command - 1, one.layer + _LAYERS_AFTER))
+    # A nozzle that sinks into the print brings the head so low that it touches the print, too.
+    crashes = {one.layer for one in remaining if one.kind == "crash"}
+    remaining = [one for one in remaining if one.kind != "head" or one.layer not in crashes]
     # With absolute E, the first extrusion after missing lines gets all the filament of the missing lines.
     unsupported_layers = {
         one.layer - layers_back for one in remaining if one.kind == "unsupported" for layers_back in (0, 1)

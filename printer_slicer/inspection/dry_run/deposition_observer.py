@@ -38,6 +38,7 @@ class DepositionObserver:
             area,
             profile.max_flow,
             marks_of(job.commands, job.text, job.marks, job.roles),
+            profile.printer.head_shapes,
         )
 
     def finish(self) -> Deposition:

@@ -165,6 +165,27 @@ def _use_lint_wording(fault: Diagnostic, finding: Diagnostic | None) -> Diagnost
     )
 
 
+_DEFECT_TEXTS: Final[Mapping[str, Callable[[Defect], tuple[str, str]]]] = {
+    "unsupported": lambda one: (
+        f"{one.amount:.0f} mm of unsupported extrusion at x {one.x:.1f} y {one.y:.1f}",
+        "Check for missing layers below, or add supports",
+    ),
+    "crash": lambda one: (
+        f"the nozzle collides with the print, {one.depth:.2f} mm deep, at x {one.x:.1f} y {one.y:.1f}",
+        "Raise the nozzle before this move: check z of this line and the lines before",
+    ),
+    "head": lambda one: (
+        f"the head touches a printed part, {one.depth:.1f} mm deep, with its shape {one.amount:g} mm above the nozzle",
+        "Print the parts farther apart or layer by layer, or correct printer.head",
+    ),
+    "bed": lambda one: (
+        f"extrusion only {one.z:.3g} mm above the bed: the nozzle scrapes it",
+        "Check the z offset and the units (a file in inches needs G20)",
+    ),
+}
+"""Kind of defect -> functions that return message and remedy."""
+
+
 def deposition_faults(
     profile: Profile, deposition: Deposition, defects: Sequence[Defect]
 ) -> Iterator[tuple[int, Diagnostic]]:
@@ -175,21 +196,7 @@ def deposition_faults(
         deposition: recorded extrusion of the print.
         defects: the defects that are not consequences of other faults.
     """
-    texts: Mapping[str, Callable[[Defect], tuple[str, str]]] = {
-        "unsupported": lambda one: (
-            f"{one.amount:.0f} mm of unsupported extrusion at x {one.x:.1f} y {one.y:.1f}",
-            "Check for missing layers below, or add supports",
-        ),
-        "crash": lambda one: (
-            f"the nozzle collides with the print, {one.depth:.2f} mm deep, at x {one.x:.1f} y {one.y:.1f}",
-            "Raise the nozzle before this move: check z of this line and the lines before",
-        ),
-        "bed": lambda one: (
-            f"extrusion only {one.z:.3g} mm above the bed: the nozzle scrapes it",
-            "Check the z offset and the units (a file in inches needs G20)",
-        ),
-    }
-    for kind, make_text in texts.items():
+    for kind, make_text in _DEFECT_TEXTS.items():
         of_kind = [one for one in defects if one.kind == kind]
         if of_kind:
             what, remedy = make_text(of_kind[0])

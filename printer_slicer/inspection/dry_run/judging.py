@@ -154,11 +154,10 @@ def judge(
     found = [*start_macro_note(job, profile), *firmware_faults(job, report, comparison)]
     if deposition is not None:
         found = _add_material_faults(job, profile, report, comparison, (deposition, found))
-        if "unsupported" in job.allowed:
-            found = [
-                (at, replace(one, severity="warning") if one.code == "unsupported" else one)
-                for at, one in found
-            ]
+        tolerated = job.allowed & {"unsupported", "head"}
+        found = [
+            (at, replace(one, severity="warning") if one.code in tolerated else one) for at, one in found
+        ]
     if not report.killed and comparison.executed == len(job.commands):
         found += heaters_left_on(job, profile, targets)
     if link is not None:

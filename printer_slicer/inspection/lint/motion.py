@@ -16,6 +16,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.diagnostics import Diagnostic, Severity
 from printer_slicer.gcode import Moves
+from printer_slicer.inspection.deposition.head_contacts import HeadContactFinder
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker, describe_unsupported
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.motion.vectorized import FLOW_WINDOW, compute_volumetric_flow
@@ -57,6 +58,7 @@ class MoveChecker:
         self._speed_limits = np.array(limits_of(profile.printer).max_speed)
         self._fed: dict[int, tuple[float, float]] = {}
         self._found: dict[tuple[str, str, bool], _Problem] = {}
+        self._head = HeadContactFinder(profile.printer.head_shapes, profile.printer.corners)
 
     def check(self, moves: Moves) -> None:
         """Check the next batch of moves."""
@@ -67,7 +69,7 @@ class MoveChecker:
         ratio = self._flow_factors[np.searchsorted(self._flow_factor_since, moves.line, side="right")]
         new_filament = self._new_filament(moves, moves.delta[:, 3] * ratio)
         if self._tracker is not None:
-            self._tracker.add_moves(moves.line + 1, moves.end - moves.delta[:, :3], moves.end, new_filament)
+            self._check_print(self._tracker, moves, new_filament)
         results = (
             _check_box(moves, self._profile),
             _check_speeds(self._profile, speed, axis_share, speed_limits),
@@ -75,6 +77,24 @@ class MoveChecker:
         )
         for result in chain(*results):
             self._record(moves, result)
+
+    def _check_print(self, tracker: UnsupportedTracker, moves: Moves, new_filament: Float) -> None:
+        """Check moves for unsupported extrusion, and for contacts of the print head."""
+        start = moves.end - moves.delta[:, :3]
+
+        def add(some: slice) -> None:
+            """Add moves to what is printed."""
+            tracker.add_moves(moves.line[some] + 1, start[some], moves.end[some], new_filament[some])
+
+        extrudes = (new_filament > 0) & (moves.delta[:, :2] != 0).any(axis=1)
+        for one in self._head.check((start, moves.end, extrudes), add, tracker.read_height_map):
+            shape = f"its shape {one.height:g} mm above the nozzle"
+            message = f"the head touches a printed part, up to {{:.1f}} mm deep, with {shape}"
+            fails = np.zeros(len(start), np.bool_)
+            fails[one.moves] = True
+            amount = np.full(len(start), one.depth)
+            reason = f"Nozzle at x {one.x:.1f} y {one.y:.1f} z {one.z:.4g}: print the parts farther apart"
+            self._record(moves, _CheckResult("head", fails, amount, message, reason, is_error=True))
 
     def findings(self, commands: Sequence[bytes]) -> Iterator[Diagnostic]:
         """Yield one diagnostic for each kind of problem; `commands` are all commands of the job."""
