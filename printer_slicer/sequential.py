@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from printer_slicer.adhesion.loops import loop_paths
 from printer_slicer.adhesion.skirt import skirt_paths
-from printer_slicer.arrays import Bool, Float
+from printer_slicer.arrays import Bool, Float, distinct
+from printer_slicer.errors import PartError
 from printer_slicer.extrusion import extrude
 from printer_slicer.geometry import convex_hull, offset
 from printer_slicer.labelling import make_unique_names
@@ -42,6 +43,9 @@ from printer_slicer.stages import Stages
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 
+if TYPE_CHECKING:
+    from printer_slicer.link_limiter import LinkReport
+
 __all__ = ["join_stages", "split_for_sequence"]
 
 _WITHOUT_SKIRT: Final = {"quality.skirt_loops": 0, "quality.print_order": "by_layer"}
@@ -53,9 +57,15 @@ def split_for_sequence(
     """Return each object with its layers and with its profile, which has no skirt.
 
     Raises:
-        UsageError: a repair mixed the facets of the objects, an override names no object, or the number of plans is not
-            that of the objects.
+        PartError: a repair mixed the facets of the objects.
+        UsageError: an override names no object, or the number of plans is not that of the objects.
     """
+    if not all(item.count for item in part.objects):
+        raise PartError(
+            f"{part.name}: the mesh needs repair, and after that it is unknown which facets belong to which object, so "
+            "the objects cannot be printed one after the other",
+            remedy="Repair the mesh file first, or set print_order = by_layer",
+        )
     plans = [plan] * len(part.objects) if isinstance(plan, LayerPlan) else plan
     meshes, plans, profiles = split_objects(part, plans, profile)
     own = [profile_with(one, _WITHOUT_SKIRT) for one in profiles]
@@ -109,7 +119,8 @@ def join_stages(part: Mesh, stages: Sequence[Stages], profile: Profile) -> Stage
         _join_paths(laid),
         _join_travels(ways),
         program,
-        labels=labels,
+        _join_link_reports(ordered),
+        labels,
         overhangs=_join_overhangs([one.overhangs for one in stages]),
         overhangs_without_supports=_join_overhangs([one.overhangs_without_supports for one in stages]),
         supports=_join_supports(stages),
@@ -159,6 +170,26 @@ def _join_travels(parts: Sequence[Travels]) -> Travels:
         np.append(0, np.cumsum(counts)),
         np.concatenate([one.retract for one in parts]),
         np.concatenate([one.crossings for one in parts]),
+    )
+
+
+def _join_link_reports(stages: Sequence[Stages]) -> LinkReport | None:
+    """Return the changes for the link in all objects, with layers counted in printing order; None without any."""
+    reports = [one.link for one in stages if one.link is not None]
+    layers, waits, n_before = list[int](), list[int](), 0
+    for one in stages:
+        used = distinct(one.program.layer)
+        if one.link is not None:
+            for numbers, own in ((layers, one.link.layers), (waits, one.link.waits)):
+                place = np.searchsorted(used, np.array(own, np.int64) - 1)
+                numbers.extend((place + 1 + n_before).tolist())
+        n_before += len(used)
+    if not reports:
+        return None
+    merged, slowed = sum(one.merged for one in reports), sum(one.slowed for one in reports)
+    seconds = sum(one.seconds for one in reports)
+    return replace(
+        reports[0], layers=tuple(layers), merged=merged, slowed=slowed, seconds=seconds, waits=tuple(waits)
     )
 
 

@@ -183,6 +183,19 @@ def test_arranged_parts_are_so_far_apart_that_the_head_fits_between_them() -> No
     assert sorted(list_objects(stages)) == [0, 1, 2, 3, 4]
 
 
+def test_a_slow_link_is_reported_for_all_objects() -> None:
+    stages = ps.slice_stages(THREE, load(**{"printer.link_lines_per_second": 3.0}), placement=AS_PLACED)
+    assert stages.link is not None
+    assert len(set(stages.link.layers)) == len(stages.link.layers) > 0
+    assert max(stages.link.layers) <= stages.program.plan.n_layers
+
+
+def test_objects_of_a_repaired_mesh_are_rejected() -> None:
+    broken = ps.Mesh(THREE.triangles, "plate", tuple(one.without_facets() for one in THREE.objects))
+    with pytest.raises(PartError, match="needs repair"):
+        ps.slice_stages(broken, load(), placement=AS_PLACED)
+
+
 def test_a_draft_shield_is_rejected() -> None:
     with pytest.raises(ProfileError, match="skirt"):
         load(skirt_height=20)
