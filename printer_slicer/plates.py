@@ -104,7 +104,24 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     remedy = "Choose a larger printer, or scale the part"
     remedy += ", or print it without brim, raft or supports" if any(rooms.values()) else ""
     outlines = [outline_of[id(mesh)] for mesh in meshes]
-    return arrange_outlines(outlines, names, bed, max(gap, measure_spacing(profile)), remedy=remedy)
+    spacing, tall = max(gap, measure_spacing(profile)), _find_parts_above_gantry(meshes, profile)
+    return arrange_outlines(outlines, names, bed, spacing, one_per_plate=tall, remedy=remedy)
+
+
+def _find_parts_above_gantry(meshes: Sequence[Mesh], profile: Profile) -> frozenset[int]:
+    """Return the indices of parts that are higher than a shape of the head that is as large as the bed.
+
+    If parts are printed one after the other, such a part must be the last of its plate.
+    """
+    printer = profile.printer
+    if profile.quality.print_order == "by_layer":
+        return frozenset()
+    reach, lowest = max(printer.bed_x, printer.bed_y), np.inf
+    for shape in printer.head_shapes:
+        corners = np.array(shape.corners)
+        if (corners.min(axis=0) <= -reach).all() and (corners.max(axis=0) >= reach).all():
+            lowest = min(lowest, shape.height)
+    return frozenset(at for at, mesh in enumerate(meshes) if mesh.size[2] > lowest)
 
 
 def _name_surroundings(room: float, profile: Profile) -> str:

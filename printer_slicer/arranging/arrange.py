@@ -42,8 +42,8 @@ def arrange_outlines(
     names: Sequence[str],
     room: FreeArea,
     gap: float,
-    rotations: Sequence[float] = ROTATIONS,
     *,
+    one_per_plate: frozenset[int] = frozenset(),
     remedy: str = "Choose a larger printer, or scale the part",
 ) -> Arrangement:
     """Find places for parts on few plates.
@@ -56,36 +56,34 @@ def arrange_outlines(
         names: of the parts, for messages, such as `lid: the part with its brim`.
         room: where parts may stand; the same for all plates.
         gap: smallest distance between parts, mm.
-        rotations: about z that are allowed, degrees.
+        one_per_plate: indices of parts of which each plate gets at most one.
         remedy: what helps if a part does not fit.
 
     Raises:
         PartError: a part does not fit an empty plate.
     """
     cell = max(float(room.size.max()) / _CELLS, _FINEST)
-    coarse = _list_footprints(outlines, rotations, gap, 2 * cell)
+    coarse = _list_footprints(outlines, gap, 2 * cell)
     for name, own in zip(names, coarse, strict=True):
         _check_size(name, own, room, remedy)
-    orders = _list_best_orders(coarse, _make_plate(room, 2 * cell))
-    fine, plate = _list_footprints(outlines, rotations, gap, cell), _make_plate(room, cell)
-    packer = Packer(plate, fine)
+    orders = _list_best_orders(coarse, _make_plate(room, 2 * cell), one_per_plate)
+    fine, plate = _list_footprints(outlines, gap, cell), _make_plate(room, cell)
+    packer = Packer(plate, fine, one_per_plate)
     packings = [packer.pack(order) for order in orders]
     best = min((one for one in packings if one), key=lambda one: (one.n_plates, one.last_share), default=None)
     if best is None:
-        raise PartError(_describe_unplaced(names, outlines, rotations, plate), remedy=remedy)
+        raise PartError(_describe_unplaced(names, outlines, plate), remedy=remedy)
     arrangement = _center(_read_places(best, fine, room, cell), outlines, room)
     _check_spacing(arrangement, outlines, gap)
     return arrangement
 
 
-def _list_footprints(
-    outlines: Sequence[Areas], rotations: Sequence[float], gap: float, cell: float
-) -> list[list[Footprint]]:
+def _list_footprints(outlines: Sequence[Areas], gap: float, cell: float) -> list[list[Footprint]]:
     """Return the footprints of all parts; copies share theirs."""
     known: dict[int, list[Footprint]] = {}
     for outline in outlines:
         if id(outline) not in known:
-            known[id(outline)] = list_footprints(outline, rotations, gap, cell)
+            known[id(outline)] = list_footprints(outline, ROTATIONS, gap, cell)
     return [known[id(outline)] for outline in outlines]
 
 
@@ -120,10 +118,12 @@ def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea, reme
     )
 
 
-def _list_best_orders(footprints: Sequence[Sequence[Footprint]], plate: PlateCells) -> list[Int]:
+def _list_best_orders(
+    footprints: Sequence[Sequence[Footprint]], plate: PlateCells, one_per_plate: frozenset[int]
+) -> list[Int]:
     """Return the orders that need the fewest plates on a coarse raster, the best first."""
     orders, ranks = _list_orders(footprints), list[tuple[int, float]]()
-    packer = Packer(plate, footprints)
+    packer = Packer(plate, footprints, one_per_plate)
     for order in orders:
         found = packer.pack(order)
         ranks.append((found.n_plates, found.last_share) if found else (len(order) + 1, 0.0))
@@ -202,25 +202,23 @@ def _check_spacing(arrangement: Arrangement, outlines: Sequence[Areas], gap: flo
             raise ValueError(f"parts on plate {plate + 1} are {found:g} mm apart instead of {gap:g} mm")
 
 
-def _describe_unplaced(
-    names: Sequence[str], outlines: Sequence[Areas], rotations: Sequence[float], plate: PlateCells
-) -> str:
+def _describe_unplaced(names: Sequence[str], outlines: Sequence[Areas], plate: PlateCells) -> str:
     """Describe the first part that fits nowhere beside the excluded areas, and by how much it is too large."""
     known = {id(outline): outline for outline in outlines}
-    fits = {key: _fits_alone(outline, rotations, plate) for key, outline in known.items()}
+    fits = {key: _fits_alone(outline, plate) for key, outline in known.items()}
     at = next(at for at, outline in enumerate(outlines) if not fits[id(outline)])
     low, high = 0.0, float(plate.size.min()) / 2
     while high - low > plate.cell / 2:
         middle = (low + high) / 2
         smaller = offset(outlines[at], -middle, join="round")
-        low, high = (low, middle) if _fits_alone(smaller, rotations, plate) else (middle, high)
+        low, high = (low, middle) if _fits_alone(smaller, plate) else (middle, high)
     return f"{names[at]} is about {2 * high:.2g} mm too large to fit beside the excluded areas of the bed"
 
 
-def _fits_alone(outline: Areas, rotations: Sequence[float], plate: PlateCells) -> bool:
+def _fits_alone(outline: Areas, plate: PlateCells) -> bool:
     """Return whether an outline fits the empty plate; one without area does."""
     if not outline.n_rings:
         return True
     return (
-        pack([list_footprints(outline, rotations, 0.0, plate.cell)], np.zeros(1, np.int64), plate) is not None
+        pack([list_footprints(outline, ROTATIONS, 0.0, plate.cell)], np.zeros(1, np.int64), plate) is not None
     )

@@ -73,6 +73,7 @@ class _Plate:
         self.empty = empty
         self.taken = empty.excluded.astype(np.float32)
         self.n_touched = 0
+        self.has_single_part = False
         self.too_large: set[int] = set()
         """Ids of the footprints for which no free place is left."""
         self._spectrum: tuple[_Spectrum, _Spectrum] | None = None
@@ -110,10 +111,19 @@ def _compute_cell_costs(taken: Float32) -> Float32:
 class Packer:
     """Packs parts on plates of one kind, in any order; what does not depend on the order is computed once."""
 
-    def __init__(self, empty: PlateCells, rotations: Sequence[Sequence[Footprint]]) -> None:
-        """Prepare to pack parts, whose footprints are in `rotations`; copies have the same footprints."""
+    def __init__(
+        self,
+        empty: PlateCells,
+        rotations: Sequence[Sequence[Footprint]],
+        one_per_plate: frozenset[int] = frozenset(),
+    ) -> None:
+        """Prepare to pack parts, whose footprints are in `rotations`; copies have the same footprints.
+
+        A plate gets at most one of the parts with the indices `one_per_plate`.
+        """
         self._empty = empty
         self._rotations = rotations
+        self._one_per_plate = one_per_plate
         self._spectra: dict[int, list[_Spectrum]] = {}
 
     def pack(self, order: Int) -> Packing | None:
@@ -121,7 +131,7 @@ class Packer:
         plates: list[_Plate] = []
         places: dict[int, PlacedPart] = {}
         for part in order.tolist():
-            place = self._place_part(self._rotations[part], plates)
+            place = self._place_part(part, plates)
             if place is None:
                 return None
             places[part] = place
@@ -136,11 +146,12 @@ class Packer:
             self._spectra[id(rotations)] = [np.fft.rfft2(one, shape).conj() for one in touched]
         return self._spectra[id(rotations)]
 
-    def _place_part(self, rotations: Sequence[Footprint], plates: list[_Plate]) -> PlacedPart | None:
+    def _place_part(self, part: int, plates: list[_Plate]) -> PlacedPart | None:
         """Place a part on the first plate with room for it, or on a new one; None: it fits on no empty plate."""
+        rotations, is_single = self._rotations[part], part in self._one_per_plate
         for number in range(len(plates) + 1):
             plate = plates[number] if number < len(plates) else _Plate(self._empty)
-            if id(rotations) in plate.too_large:
+            if id(rotations) in plate.too_large or (is_single and plate.has_single_part):
                 continue
             found = _find_best_place(rotations, self._find_spectra(rotations), plate)
             if found is None:
@@ -150,6 +161,7 @@ class Packer:
                 plates.append(plate)
             rotation, row, column = found
             plate.add(rotations[rotation], row, column)
+            plate.has_single_part |= is_single
             return PlacedPart(number, rotation, row, column)
         return None
 

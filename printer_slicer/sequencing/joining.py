@@ -55,7 +55,7 @@ def join_programs(
         pieces.append(_leave(moves, safe, profile))
         first_layer += 0 if shares and not index else program.plan.n_layers
     owner = np.repeat(np.arange(len(pieces)), [one.n_moves for one in pieces])
-    return _concatenate(plan, pieces, profile, int(has_skirt)), owner
+    return _concatenate(plan, pieces, profile), owner
 
 
 def _has_same_first_top(skirt: Program, program: Program) -> bool:
@@ -125,11 +125,8 @@ def _leave(program: Program, safe: float, profile: Profile) -> Program:
     return _insert_moves(program, program.n_moves, ends, _get_lift_speed(profile))
 
 
-def _concatenate(plan: LayerPlan, pieces: Sequence[Program], profile: Profile, n_before: int) -> Program:
-    """Concatenate programs whose moves follow each other, and restore the machine's state between them.
-
-    `n_before` is the number of programs before that of the first object.
-    """
+def _concatenate(plan: LayerPlan, pieces: Sequence[Program], profile: Profile) -> Program:
+    """Concatenate programs whose moves follow each other, and restore the machine's state between them."""
     names = ("xyz", "filament", "speed", "layer", "role", "width", "height", "z_top", "tool")
     columns = {name: np.concatenate([getattr(one, name) for one in pieces]) for name in names}
     if any(one.has_arcs for one in pieces):
@@ -137,20 +134,20 @@ def _concatenate(plan: LayerPlan, pieces: Sequence[Program], profile: Profile, n
     first = np.cumsum([0, *(one.n_moves for one in pieces)]).tolist()
     events = [
         replace(event, index=event.index + begin)
-        for number, (one, begin) in enumerate(zip(pieces, first, strict=False))
-        for event in [*_list_starting_events(one, profile, is_first=number <= n_before), *one.events]
+        for one, begin in zip(pieces, first, strict=False)
+        for event in [*_list_starting_events(one, profile), *one.events]
     ]
     return Program(plan, pieces[0].origin, **columns, events=tuple(_drop_unneeded(events, profile)))
 
 
-def _list_starting_events(program: Program, profile: Profile, *, is_first: bool) -> list[Event]:
+def _list_starting_events(program: Program, profile: Profile) -> list[Event]:
     """Return the changes that bring the machine into the state in which a program begins.
 
-    The first object has the temperature of first layers; for all others, it is the usual one.
+    The nozzle gets the temperature of first layers again; the printer does not wait for it. The bed stays as it is.
     """
-    usual: list[Event] = [] if is_first else [Heat(0, profile.material.nozzle_temperature)]
     tool, acceleration = int(program.tool[0]), profile.printer.acceleration
-    return [*usual, Fan(0, 0.0), ToolChange(0, tool), Acceleration(0, acceleration)]
+    heat = Heat(0, profile.material.first_layer_nozzle_temperature)
+    return [heat, Fan(0, 0.0), ToolChange(0, tool), Acceleration(0, acceleration)]
 
 
 def _drop_unneeded(events: Sequence[Event], profile: Profile) -> Iterator[Event]:

@@ -98,10 +98,20 @@ def test_each_object_has_its_own_brim() -> None:
     assert brims[np.append(True, np.diff(brims) != 0)].tolist() == [1, 2, 0]
 
 
-def test_only_the_first_object_has_the_temperature_of_first_layers(sliced: ps.Stages) -> None:
-    heats = [event for event in sliced.program.events if isinstance(event, Heat)]
-    assert [one.nozzle for one in heats] == [load().material.nozzle_temperature]
-    assert sliced.program.layer[heats[0].index] == 1
+def test_each_object_begins_with_the_nozzle_temperature_of_first_layers(sliced: ps.Stages) -> None:
+    program, material = sliced.program, load().material
+    heats = [event for event in program.events if isinstance(event, Heat)]
+    pair = [material.nozzle_temperature, material.first_layer_nozzle_temperature]
+    assert [one.nozzle for one in heats] == [*pair, *pair, pair[0]]
+    starts = program.plan.stack_starts
+    layers = program.layer[[one.index for one in heats]].tolist()
+    assert layers == [1, starts[1], starts[1] + 1, starts[2], starts[2] + 1]
+
+
+def test_the_bed_keeps_its_temperature_after_the_first_object() -> None:
+    stages = ps.slice_stages(THREE, load(first_layer_bed_temperature=70), placement=AS_PLACED)
+    beds = [one.bed for one in stages.program.events if isinstance(one, Heat) and one.bed is not None]
+    assert beds == [load().material.bed_temperature]
 
 
 def test_the_fan_is_off_on_the_first_layer_of_every_object(sliced: ps.Stages) -> None:
@@ -216,3 +226,17 @@ def test_the_order_is_imported(tmp_path: Path) -> None:
         "printer"
     ]
     assert printer.values["head"] == ["0: 45", "25: -9999x-9999 9999x9999"]
+
+
+def test_arranged_plates_have_at_most_one_part_that_is_higher_than_the_gantry() -> None:
+    parts = [ps.Mesh(box((10, 10, z)).triangles, f"z{z}") for z in (20, 15, 8, 8, 12.5)]
+    plates = ps.arrange(parts, load())
+    heights = [[item.high[2] for item in one.objects] or [one.size[2]] for one in plates]
+    assert [sum(z > 12 for z in own) for own in heights] == [1, 1, 1]
+    assert sum(map(len, heights)) == 5
+    assert find_contacts(ps.slice_stages(plates[0], load(), placement=AS_PLACED), load().printer) == 0
+
+
+def test_a_gantry_that_is_a_bar_lets_high_parts_share_a_plate() -> None:
+    parts = [ps.Mesh(box((10, 10, z)).triangles, f"z{z}") for z in (20, 15)]
+    assert len(ps.arrange(parts, load(**{"printer.head": "0: 15, 12: -9999x-20 9999x20"}))) == 1
