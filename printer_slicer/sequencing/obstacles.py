@@ -57,13 +57,22 @@ def _sweep_head(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> _
         for layer, low in enumerate(later.nozzle_level.tolist()):
             if low + shape.height >= first.top - 1e-6:
                 break
-            hull = later.nozzle.ring(layer)
-            points = (hull[:, None] + outline[None]).reshape(-1, 2)
-            sums.append([convex_hull(points).ring(0)])
+            sums.append([_sum_convex(later.nozzle.ring(layer), outline)])
             heights.append(shape.height)
             z.append(low + shape.height)
     above = first.above.copy_layers(first.find_levels(np.array(z, np.float64)))
     return _Swept(Areas.from_rings(sums), above, np.array(heights))
+
+
+def _sum_convex(a: Float, b: Float) -> Float:
+    """Return the Minkowski sum of two convex rings (n, 2) that run counter-clockwise: their sides, by direction."""
+    sides = (
+        np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in (a, b)]) + 0.0
+    )  # no -0.0: its angle is -pi
+    sides = sides[np.argsort(np.arctan2(sides[:, 1], sides[:, 0]), kind="stable")]
+    # The angles begin above -pi, so the first side begins at the corner farthest back, and of those farthest left.
+    begin = sum(ring[np.lexsort((-ring[:, 0], ring[:, 1]))[-1]] for ring in (a, b))
+    return np.asarray(begin + np.cumsum(sides, axis=0))
 
 
 def _find_contacts(swept: _Swept, margin: float = 0.0) -> Bool:

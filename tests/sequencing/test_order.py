@@ -7,11 +7,15 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+import shapely
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 import printer_slicer as ps
 from printer_slicer.errors import PartError
-from printer_slicer.geometry import Areas
+from printer_slicer.geometry import Areas, convex_hull
 from printer_slicer.sequencing import ObjectExtent, find_print_order, list_obstacles
+from printer_slicer.sequencing.obstacles import _sum_convex
 
 HEADS = [
     "0: 12",
@@ -112,3 +116,17 @@ def test_a_head_that_reaches_to_one_side_decides_the_order() -> None:
     extents = [block("right", (20, 0), (9, 9, 9)), block("left", (0, 0), (9, 9, 9))]
 
     assert find_print_order(extents, printer) == (1, 0)
+
+
+@given(st.integers(0, 10_000))
+def test_the_area_that_the_head_sweeps_is_the_hull_of_all_sums_of_corners(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    round_corners = convex_hull(random.uniform(-9, 9, (random.integers(4, 40), 2)))
+    on_grid = convex_hull(random.integers(-3, 4, (9, 2)).astype(np.float64))
+    assume(on_grid.n_rings)
+    a, b = round_corners.ring(0), on_grid.ring(0)
+    wanted = shapely.Polygon(convex_hull((a[:, None] + b).reshape(-1, 2)).ring(0))
+    for first, other in ((a, b), (b, a)):
+        found = shapely.Polygon(_sum_convex(first, other))
+        assert found.is_valid
+        assert found.symmetric_difference(wanted).area < 1e-9
