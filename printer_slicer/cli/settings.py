@@ -10,12 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from printer_slicer.cli.file_settings import (
-    FileSettings,
-    name_settings,
-    read_gcode_settings,
-    read_loaded_files,
-)
+from printer_slicer.cli.file_settings import name_settings, read_loaded_files
 from printer_slicer.cli.output import hide_stdin_folder, sanitize, write_file
 from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.errors import ProfileError, UsageError
@@ -24,6 +19,7 @@ from printer_slicer.saving import make_folder
 if TYPE_CHECKING:
     from printer_slicer.importing.familiar import FamiliarSetting
     from printer_slicer.profile import Profile
+    from printer_slicer.profile.files import FileSettings
 
 __all__ = [
     "check_profile_folders",
@@ -63,7 +59,7 @@ def load_selected_profile(
         kind: getattr(arguments, kind, None) for kind in ("printer", "material", "quality")
     }
     folders = check_profile_folders(arguments)
-    own = read_loaded_files(arguments, names) if gcode is None else read_gcode_settings(gcode, folders)
+    own = read_loaded_files(arguments, names) if gcode is None else _read_gcode_file(gcode, folders)
     changes = collect_changes(arguments)
     try:
         if gcode is None and not own.values:
@@ -84,6 +80,13 @@ def load_selected_profile(
     if tell:
         _print_profile(arguments, sources, own.refused)
     return profile
+
+
+def _read_gcode_file(path: Path, folders: Sequence[Path]) -> FileSettings:
+    """Read the settings in a G-code file; slicing needs no module for that."""
+    from printer_slicer.importing.gcode_files import read_gcode_settings
+
+    return read_gcode_settings(path, folders)
 
 
 def _name_options(error: ProfileError, arguments: argparse.Namespace) -> ProfileError:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import NoneType
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -38,6 +38,7 @@ from printer_slicer.profile.renamed import find_current_name, replace_former_nam
 from printer_slicer.texts import describe_type
 
 __all__ = [
+    "FileSettings",
     "complete_profile",
     "find_conflicts",
     "list_settings",
@@ -53,6 +54,22 @@ _BARE_POINT = re.compile(r"([-+]?)([0-9]*)\.([0-9]*)")
 
 _NAME: Final = (*PATH, NoneType)
 """The types of the name of a profile."""
+
+
+class FileSettings(NamedTuple):
+    """Settings found in a file.
+
+    Attributes:
+        values: kind -> settings; kinds without settings in the file are missing.
+        refused: reasons why settings in the file are not used, one sentence each.
+        unknown: name of the machine in the file if no profile has that name, else empty.
+        source: origin of the settings, for messages.
+    """
+
+    values: Mapping[str, Mapping[str, Any]]
+    refused: Sequence[str]
+    unknown: str = ""
+    source: str = "from the file"
 
 
 @check_arguments(printer=_NAME, material=_NAME, quality=_NAME)

@@ -11,7 +11,13 @@ from typing import Final, NamedTuple
 from printer_slicer.name_search import AT_THE_END, EXACT, IN_ORDER, rank_match, split_name
 from printer_slicer.profile.folders import find_profile_paths, find_shipped_profiles
 
-__all__ = ["ProfileMatch", "find_profiles", "read_display_name", "suggest_profiles"]
+__all__ = [
+    "ProfileMatch",
+    "find_profile_by_display_name",
+    "find_profiles",
+    "read_display_name",
+    "suggest_profiles",
+]
 
 _NAME: Final = re.compile(r'^name = "([^"\n]*)"', re.MULTILINE)
 _MODEL: Final = re.compile(r'^model = "([^"\n]*)"', re.MULTILINE)
@@ -158,3 +164,11 @@ def _read_names(path: Path) -> _ProfileNames:
     others = re.findall(r'"([^"\n]*)"', aliases[1]) if aliases else []
     others += [model[1]] if model and is_shipped else []
     return _ProfileNames(path.stem, shown[1] if shown else "", tuple(others), is_shipped)
+
+
+def find_profile_by_display_name(kind: str, name: str, folders: Sequence[Path] = ()) -> str:
+    """Return the name that selects the profile with a given display name; empty if there is no such profile."""
+    for typed, path in find_profile_paths(kind, folders).items():
+        if read_display_name(path) == name:
+            return typed
+    return ""
