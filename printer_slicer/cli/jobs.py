@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections import deque
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from printer_slicer.cli.output import print_text, sanitize
@@ -15,14 +14,13 @@ from printer_slicer.diagnostics import (
     Diagnostic,
     as_former_json,
     as_json,
-    check_allowed_codes,
     format_first_error,
     format_remedies,
     raise_on_errors,
     sentence,
 )
 from printer_slicer.errors import VerificationError
-from printer_slicer.inspection.lint.scan import lint_file, scan
+from printer_slicer.inspection.lint.scan import lint_file
 from printer_slicer.jobs import Job, is_gcode
 from printer_slicer.profile import Profile
 
@@ -42,15 +40,12 @@ __all__ = [
     "list_finding_facts",
     "list_job_repair_facts",
     "list_notes",
-    "make_command_check",
-    "make_console_check",
     "make_job",
     "require_no_errors",
 ]
 
 _MOST_SHOWN = 5  # findings, without --verbose
 _MOST_ERRORS = 12  # errors of a rejected job, without --verbose
-_REMEMBERED = 500  # earlier commands of a console, for the units and modes that they set
 
 
 def _has_gcode(arguments: argparse.Namespace) -> bool:
@@ -214,36 +209,3 @@ def require_no_errors(job: Job) -> None:
         raise VerificationError(
             f"{job.name}: {format_first_error(list(map(sentence, wrong)))}", remedy=format_remedies(wrong)
         )
-
-
-def make_console_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
-    """Return a function that checks commands typed in a row; each sets the units and modes for later ones."""
-    allowed = check_allowed_codes(allowed)
-    typed: deque[bytes] = deque(maxlen=_REMEMBERED)
-
-    def explain_rejection(command: bytes) -> str:
-        """Return why a command is rejected, or an empty text; rejected commands do not affect later commands."""
-        typed.append(command)
-        last = (one for one in scan(tuple(typed), profile) if one.index == len(typed) - 1)
-        wrong = _describe_first_error(last, allowed)
-        if wrong:
-            typed.pop()
-        return wrong
-
-    return explain_rejection
-
-
-def make_command_check(profile: Profile, allowed: Collection[str]) -> Callable[[bytes], str]:
-    """Return a function that checks single commands typed during a print."""
-
-    def explain_rejection(command: bytes) -> str:
-        """Return why a command is rejected; empty if it is accepted."""
-        return _describe_first_error(scan([command], profile), allowed)
-
-    return explain_rejection
-
-
-def _describe_first_error(findings: Iterable[Diagnostic], allowed: Collection[str]) -> str:
-    """Describe the first error that is not allowed; return an empty text if there is none."""
-    wrong = (one for one in findings if one.is_error and one.code not in allowed)
-    return next((f"{one.message}; {one.reason} [{one.code}]" for one in wrong), "")

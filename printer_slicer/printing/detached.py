@@ -19,7 +19,7 @@ from typing import Any, Final
 from printer_slicer.errors import PrintError, PrinterSlicerError
 from printer_slicer.saving import check_writable, save
 
-__all__ = ["DetachedPrint", "start_detached", "write_ready_file"]
+__all__ = ["DetachedPrint", "spawn_detached", "start_detached", "write_ready_file"]
 
 _POLL_INTERVAL: Final = 0.02  # s
 _TAIL_BYTES: Final = 4096  # bytes of the log in an error message
@@ -63,7 +63,7 @@ def start_detached(command: Sequence[str], ready_file: Path, log: Path) -> Detac
         PrintError: the process ended before it was ready; the message is the end of its log.
     """
     check_writable(log)
-    process = _spawn(command, log)
+    process = spawn_detached(command, log)
     wait = Flag()
     while process.poll() is None and not ready_file.exists():
         wait.wait(_POLL_INTERVAL)
@@ -72,8 +72,14 @@ def start_detached(command: Sequence[str], ready_file: Path, log: Path) -> Detac
     return DetachedPrint(process, json.loads(ready_file.read_text(encoding="utf-8")))
 
 
-def _spawn(command: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
-    """Start a process in a session of its own that writes to a log file, with nothing on its stdin."""
+def spawn_detached(command: Sequence[str], log: Path) -> subprocess.Popen[bytes]:
+    """Start Python with these arguments in a session of its own, with nothing on its stdin, and return at once.
+
+    The output of the process is appended to the file `log`.
+
+    Raises:
+        OSError: the process cannot be started, or the log cannot be opened.
+    """
     session: dict[str, Any] = (
         {"start_new_session": True}
         if os.name == "posix"

@@ -17,9 +17,8 @@ from printer_slicer.input_files import check_is_file, read_input
 from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
-    from filelock import BaseFileLock
-
     from printer_slicer.printing.host_settings import HostSettings
+    from printer_slicer.process_lock import ProcessLock
 
 __all__ = [
     "DamagedPrint",
@@ -72,7 +71,7 @@ class Print(Struct):
     begun: str
     boot: str
     _setup: Mapping[str, Any]
-    _lock: BaseFileLock | None = None
+    _lock: ProcessLock | None = None
 
     @property
     def setup(self) -> HostSettings:
@@ -97,13 +96,10 @@ class Print(Struct):
 
     def _try_to_lock(self, seconds: float) -> bool:
         """Try for `seconds` to lock the print for this process; return whether that succeeded."""
-        from filelock import FileLock, Timeout  # noqa: PLC0415 - slow
+        from printer_slicer.process_lock import ProcessLock  # noqa: PLC0415 - an emergency stop needs no lock
 
-        # A print may end in a thread that did not start it.
-        lock = FileLock(self.folder / _LOCK_FILE, mode=0o600, thread_local=False)
-        try:
-            lock.acquire(timeout=seconds, poll_interval=_LOCK_TIMEOUT / 4)
-        except Timeout:
+        lock = ProcessLock(self.folder / _LOCK_FILE)
+        if not lock.acquire(seconds):
             return False
         self._lock = lock
         return True

@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send commands until the input ends."""
-    from printer_slicer.cli.jobs import make_console_check
+    from printer_slicer.inspection.lint.typed_commands import make_console_check
     from printer_slicer.stream.serial_port import open_port
 
     reject_simulated_port(arguments.port)

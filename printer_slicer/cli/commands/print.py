@@ -171,8 +171,8 @@ def _remove_detach_options(words: list[str]) -> list[str]:
 
 def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) -> int:
     """Print a job over a serial port; return the exit code."""
-    from printer_slicer.cli.jobs import make_command_check
     from printer_slicer.cli.progress import print_with_progress
+    from printer_slicer.inspection.lint.typed_commands import make_command_check
     from printer_slicer.printing import print_job
     from printer_slicer.printing.job_store import default_job_store
 

@@ -120,7 +120,7 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
 
 def _make_command_check_argument(setup: HostSettings) -> dict[str, Any]:
     """Make the argument `allow` of `resume_print`: a check of typed commands by the settings of the print."""
-    from printer_slicer.cli.jobs import make_command_check
+    from printer_slicer.inspection.lint.typed_commands import make_command_check
     from printer_slicer.profile import restore_profile
 
     return (

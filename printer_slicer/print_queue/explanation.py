@@ -1,0 +1,117 @@
+"""Explain in words why a job of the queue waits."""
+
+from __future__ import annotations
+
+from printer_slicer.errors import UsageError
+from printer_slicer.print_queue.matching import (
+    find_mismatches,
+    find_obstacles,
+    is_wanted_printer,
+    read_traits,
+)
+from printer_slicer.print_queue.printers import PrinterEntry
+from printer_slicer.print_queue.queue_store import PrintQueue
+from printer_slicer.print_queue.records import PrinterState, QueuedJob, QueueSnapshot
+from printer_slicer.print_queue.supervisor import is_supervised
+from printer_slicer.values import Struct
+
+__all__ = ["Explanation", "PrinterMatch", "explain_job"]
+
+
+class PrinterMatch(Struct, frozen=True):
+    """Whether a job can be printed on a printer.
+
+    Attributes:
+        printer: name of the printer.
+        fits: whether it could print the job, now or later.
+        reasons: why it does not print the job now, one sentence each; empty if it would.
+    """
+
+    printer: str
+    fits: bool
+    reasons: tuple[str, ...]
+
+
+class Explanation(Struct, frozen=True):
+    """Why a job waits.
+
+    Attributes:
+        job: the job.
+        summary: the most important reason, one sentence.
+        printers: the printers, in the order of printers.toml.
+    """
+
+    job: QueuedJob
+    summary: str
+    printers: tuple[PrinterMatch, ...]
+
+
+def explain_job(queue: PrintQueue, job: int) -> Explanation:
+    """Explain why a job waits.
+
+    Raises:
+        UsageError: there is no such job, or printers.toml is invalid.
+    """
+    snapshot = queue.snapshot()
+    found = queue.find_job(job)
+    states = {state.name: state for state in snapshot.printers}
+    matches = tuple(
+        _match_printer(queue, snapshot, found, entry, states[entry.name]) for entry in queue.list_printers()
+    )
+    return Explanation(found, _summarise(queue, found, matches), matches)
+
+
+def _match_printer(
+    queue: PrintQueue, snapshot: QueueSnapshot, job: QueuedJob, entry: PrinterEntry, state: PrinterState
+) -> PrinterMatch:
+    """Return whether a job can be printed on a printer."""
+    reasons = _find_lasting_reasons(queue, job, entry, state)
+    if reasons:
+        return PrinterMatch(entry.name, fits=False, reasons=tuple(reasons))
+    reasons = [] if state.job == job.id else find_obstacles(state)
+    earlier = _find_earlier_job(queue, snapshot, job, entry, state)
+    if earlier is not None:
+        reasons.append(f"job {earlier} is before it in the queue")
+    return PrinterMatch(entry.name, fits=True, reasons=tuple(reasons))
+
+
+def _find_lasting_reasons(
+    queue: PrintQueue, job: QueuedJob, entry: PrinterEntry, state: PrinterState
+) -> list[str]:
+    """Return why a printer cannot print a job even when it is free."""
+    if not is_wanted_printer(job, entry):
+        return [f"the job is for {job.printer}"]
+    try:
+        traits = read_traits(entry, state.material)
+    except UsageError as error:
+        return [str(error.args[0])]
+    return find_mismatches(job, queue.read_facts(job.file), traits)
+
+
+def _find_earlier_job(
+    queue: PrintQueue, snapshot: QueueSnapshot, job: QueuedJob, entry: PrinterEntry, state: PrinterState
+) -> int | None:
+    """Return the first ready job that stands before this one and that the printer can print, too."""
+    for one in snapshot.jobs:
+        if one.id == job.id:
+            return None
+        if one.state == "ready" and not _find_lasting_reasons(queue, one, entry, state):
+            return one.id
+    return None
+
+
+def _summarise(queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, ...]) -> str:
+    """Return the most important reason as a sentence."""
+    if job.state == "held":
+        return f"job {job.id} is held until you run printer-slicer queue release {job.id}"
+    if job.state != "ready":
+        message = f": {job.message}" if job.message else ""
+        return f"job {job.id} is {job.state}{message}"
+    fitting = [match for match in matches if match.fits]
+    if not fitting:
+        return f"no printer can print job {job.id}"
+    if not is_supervised(queue):
+        return f"job {job.id} waits for a program that starts jobs: printer-slicer queue run"
+    if free := [match.printer for match in fitting if not match.reasons]:
+        return f"job {job.id} is about to start on {free[0]}"
+    return f"job {job.id} waits for {' or '.join(match.printer for match in fitting)}"

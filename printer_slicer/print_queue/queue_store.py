@@ -1,0 +1,496 @@
+"""The print queue: its files, jobs, printers and runs, in a folder that several processes may use at the same time."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from threading import Event as Flag
+from time import monotonic, time
+from typing import Any, Final, NoReturn, get_args
+
+from printer_slicer.diagnostics import check_allowed_codes
+from printer_slicer.errors import UsageError
+from printer_slicer.print_queue.database import QueueDatabase
+from printer_slicer.print_queue.file_facts import FileFacts, format_facts, parse_facts
+from printer_slicer.print_queue.file_store import DEFAULT_MAX_BYTES, FileStore
+from printer_slicer.print_queue.printers import PrinterEntry, find_printers_file, read_printers
+from printer_slicer.print_queue.records import (
+    ACTIVE_STATES,
+    WAITING_STATES,
+    BedState,
+    JobRequest,
+    JobState,
+    PrinterState,
+    PrintRun,
+    QueuedFile,
+    QueuedJob,
+    QueueSnapshot,
+    RunOutcome,
+    check_transition,
+    clean_name,
+)
+from printer_slicer.printing.job_store import default_job_store
+from printer_slicer.saving import make_folder
+
+__all__ = ["MAX_COPIES", "PrintQueue", "default_queue_folder", "open_queue"]
+
+MAX_COPIES: Final = 1000
+"""Largest number of jobs that one request adds."""
+
+_POLL_INTERVAL: Final = 0.1  # s
+_LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
+_OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
+    "done": "done",
+    "failed": "failed",
+    "cancelled": "cancelled",
+    "rejected": "failed",
+    "not_started": "ready",
+    "lost": "failed",
+}
+"""Outcome of a run -> the state of its job afterwards."""
+
+
+def default_queue_folder() -> Path:
+    """Return the folder of the queue: beside the stored prints, see `default_job_store`."""
+    return default_job_store().parent / "queue"
+
+
+def open_queue(folder: Path | None = None, printers_file: Path | None = None) -> PrintQueue:
+    """Open the queue in a folder, which is created if it is missing.
+
+    Args:
+        folder: folder of the queue; None: `default_queue_folder`.
+        printers_file: the file printers.toml; None: `find_printers_file`.
+
+    Raises:
+        OutputError: the folder or its database cannot be opened.
+    """
+    return PrintQueue(folder or default_queue_folder(), printers_file or find_printers_file())
+
+
+class PrintQueue:
+    """The queue in a folder. Its methods may be called on any thread; each change is one transaction.
+
+    Args:
+        folder: folder of the queue, which is created if it is missing.
+        printers_file: the file printers.toml, which is read again when it changes.
+        max_bytes: largest file that is accepted.
+
+    Attributes:
+        folder: folder of the queue.
+        files: the files by their ids.
+
+    Raises:
+        OutputError: the folder or its database cannot be opened.
+    """
+
+    def __init__(self, folder: Path, printers_file: Path, *, max_bytes: int = DEFAULT_MAX_BYTES) -> None:
+        make_folder(folder)
+        self.folder = folder
+        self.files = FileStore(folder / "files", max_bytes)
+        self._printers_file = printers_file
+        self._printers: tuple[int, tuple[PrinterEntry, ...]] = (-1, ())
+        self._database = QueueDatabase(folder / "queue.sqlite")
+
+    def close(self) -> None:
+        """Close the database."""
+        self._database.close()
+
+    # Files.
+
+    def add_file(self, name: str, pieces: Iterable[bytes]) -> QueuedFile:
+        """Store a file that arrives in pieces; the same content is stored once.
+
+        Args:
+            name: name of the file; folders in it are ignored.
+            pieces: its content.
+
+        Raises:
+            UsageError: the file is too large.
+            OutputError: it cannot be stored.
+        """
+        stored = self.files.add(pieces)
+        with self._database.transaction() as connection:
+            connection.execute(
+                "INSERT INTO file (id, name, size, added) VALUES (?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+                (stored.id, clean_name(name), stored.size, time()),
+            )
+        return self.find_file(stored.id)
+
+    def find_file(self, file_id: str) -> QueuedFile:
+        """Return a file.
+
+        Raises:
+            UsageError: there is none with this id.
+        """
+        rows = self._database.read("SELECT id, name, size, added FROM file WHERE id = ?", file_id)
+        if not rows:
+            raise UsageError(f"there is no file {file_id[:12]} in the queue", remedy="Add it")
+        return QueuedFile(*rows[0])
+
+    def read_facts(self, file_id: str) -> FileFacts | None:
+        """Return what was read from a file; None if it has not been read yet."""
+        rows = self._database.read("SELECT facts FROM file WHERE id = ?", file_id)
+        return parse_facts(rows[0]["facts"]) if rows and rows[0]["facts"] else None
+
+    def store_facts(self, file_id: str, facts: FileFacts) -> None:
+        """Store what was read from a file; a job is started only if the facts of its file are known."""
+        with self._database.transaction() as connection:
+            connection.execute("UPDATE file SET facts = ? WHERE id = ?", (format_facts(facts), file_id))
+
+    # Jobs.
+
+    def add_jobs(self, file_id: str, request: JobRequest | None = None) -> tuple[QueuedJob, ...]:
+        """Add a job for a file, or several with `copies`.
+
+        Raises:
+            UsageError: there is no such file or printer, or the number of copies or a name of a finding is invalid.
+        """
+        request = request or JobRequest()
+        file = self.find_file(file_id)
+        if not 1 <= request.copies <= MAX_COPIES:
+            raise UsageError(f"{request.copies} copies", remedy=f"Add 1 to {MAX_COPIES} copies")
+        self._check_printer_name(request.printer)
+        allow = json.dumps(sorted(check_allowed_codes(request.allow)))
+        values = {
+            "name": clean_name(request.name or file.name),
+            "file": file_id,
+            "state": "held" if request.held else "ready",
+            "printer": request.printer,
+            "material": request.material,
+            "allow": allow,
+            "added": time(),
+        }
+        with self._database.transaction() as connection:
+            numbers = [_insert_job(connection, values) for _ in range(request.copies)]
+            if request.first:
+                waiting = _read_order(connection)
+                _write_order(connection, [*numbers, *(one for one in waiting if one not in numbers)])
+        return tuple(self.find_job(number) for number in numbers)
+
+    def find_job(self, job: int) -> QueuedJob:
+        """Return a job.
+
+        Raises:
+            UsageError: there is none with this number.
+        """
+        rows = self._database.read(f"{_SELECT_JOB} WHERE id = ?", job)
+        return _make_job(rows[0]) if rows else _raise_missing_job(job)
+
+    def list_ended_jobs(self, most: int = 100) -> tuple[QueuedJob, ...]:
+        """Return the jobs that have ended, the last added first."""
+        ended = "WHERE state IN ('done', 'failed', 'cancelled') ORDER BY id DESC LIMIT ?"
+        return tuple(map(_make_job, self._database.read(f"{_SELECT_JOB} {ended}", most)))
+
+    def list_runs(self, job: int) -> tuple[PrintRun, ...]:
+        """Return all runs of a job, the first one first."""
+        return tuple(
+            map(_make_run, self._database.read(f"{_SELECT_RUN} WHERE job = ? ORDER BY started", job))
+        )
+
+    def move_job(self, job: int, before: int | None = None) -> None:
+        """Move a waiting job before another waiting job, or with None to the end of the queue.
+
+        Raises:
+            UsageError: one of the jobs does not exist or does not wait.
+        """
+        with self._database.transaction() as connection:
+            for number in (job,) if before is None else (job, before):
+                if (state := _read_state(connection, number)) not in WAITING_STATES:
+                    raise UsageError(
+                        f"job {number} is {state} and has no place in the queue", remedy=_LIST_REMEDY
+                    )
+            order = [number for number in _read_order(connection) if number != job]
+            order.insert(len(order) if before in {None, job} else order.index(before or 0), job)
+            _write_order(connection, order)
+
+    def hold_job(self, job: int) -> None:
+        """Keep a ready job from being started until it is released.
+
+        Raises:
+            UsageError: the job does not exist, or is not ready.
+        """
+        with self._database.transaction() as connection:
+            _change_state(connection, job, "held")
+
+    def release_job(self, job: int) -> None:
+        """Make a job ready that is held, has failed or was cancelled; it keeps its place.
+
+        Raises:
+            UsageError: the job does not exist, or is in another state.
+        """
+        with self._database.transaction() as connection:
+            if _read_state(connection, job) in ACTIVE_STATES:
+                raise UsageError(f"job {job} is printing", remedy=_LIST_REMEDY)
+            _change_state(connection, job, "ready")
+
+    def cancel_job(self, job: int) -> QueuedJob:
+        """Cancel a job. A job that is printing is still active afterwards: its supervisor ends the print.
+
+        Raises:
+            UsageError: the job does not exist, or has ended.
+        """
+        with self._database.transaction() as connection:
+            if _read_state(connection, job) in ACTIVE_STATES:
+                connection.execute("UPDATE run SET is_cancelling = 1 WHERE job = ? AND ended IS NULL", (job,))
+            else:
+                _change_state(connection, job, "cancelled", "cancelled before it was started")
+        return self.find_job(job)
+
+    # Printers.
+
+    def list_printers(self) -> tuple[PrinterEntry, ...]:
+        """Return the printers of printers.toml; their state is in `snapshot`.
+
+        Raises:
+            UsageError: the file is missing or invalid.
+        """
+        try:
+            changed = self._printers_file.stat().st_mtime_ns
+        except OSError:
+            changed = -1
+        if changed == -1 or changed != self._printers[0]:
+            entries = read_printers(self._printers_file)
+            known = {row["name"] for row in self._database.read("SELECT name FROM printer")}
+            if new := [entry.name for entry in entries if entry.name not in known]:
+                with self._database.transaction() as connection:
+                    statement = "INSERT INTO printer (name, bed) VALUES (?, 'unknown') ON CONFLICT DO NOTHING"
+                    connection.executemany(statement, [(name,) for name in new])
+            self._printers = (changed, entries)
+        return self._printers[1]
+
+    def set_bed(self, printer: str, bed: BedState) -> None:
+        """Record what a person says about the bed of a printer; jobs are started on clear beds only.
+
+        Raises:
+            UsageError: there is no such printer, or it is printing and the bed cannot be clear.
+        """
+        self._require_printer(printer)
+        with self._database.transaction() as connection:
+            active = connection.execute(
+                "SELECT job FROM run WHERE printer = ? AND ended IS NULL", (printer,)
+            ).fetchone()
+            if active and bed != "occupied":
+                raise UsageError(
+                    f"{printer} is printing job {active['job']}, so its bed is occupied",
+                    remedy="Wait for the end of the print, and take the part off the bed",
+                )
+            connection.execute("UPDATE printer SET bed = ?, message = '' WHERE name = ?", (bed, printer))
+
+    def set_material(self, printer: str, material: str) -> None:
+        """Record that a material is loaded.
+
+        Args:
+            printer: name of the printer.
+            material: name of a material profile.
+
+        Raises:
+            UsageError: there is no such printer or profile.
+        """
+        from printer_slicer.profile import load_profile  # noqa: PLC0415 - slow
+
+        entry = self._require_printer(printer)
+        load_profile(entry.profile, material, slices=False)
+        with self._database.transaction() as connection:
+            connection.execute("UPDATE printer SET material = ? WHERE name = ?", (material, printer))
+
+    def _require_printer(self, name: str) -> PrinterEntry:
+        """Return a printer.
+
+        Raises:
+            UsageError: there is none of this name.
+        """
+        entries = {entry.name: entry for entry in self.list_printers()}
+        if name not in entries:
+            raise UsageError(f"there is no printer {name}", remedy=f"Choose one of: {', '.join(entries)}")
+        return entries[name]
+
+    def _check_printer_name(self, name: str) -> None:
+        """Check that a name is empty, or that of a printer or a group.
+
+        Raises:
+            UsageError: it is another name.
+        """
+        entries = self.list_printers()
+        known = [
+            *(entry.name for entry in entries),
+            *sorted({group for one in entries for group in one.groups}),
+        ]
+        if name and name not in known:
+            raise UsageError(
+                f"there is no printer or group {name}", remedy=f"Choose one of: {', '.join(known)}"
+            )
+
+    # The whole queue.
+
+    def snapshot(self) -> QueueSnapshot:
+        """Return the state of the queue at one moment.
+
+        Raises:
+            UsageError: printers.toml is missing or invalid.
+        """
+        entries = self.list_printers()
+        waiting = "WHERE state NOT IN ('done', 'failed', 'cancelled') ORDER BY position, id"
+        with self._database.transaction(changes=False) as connection:
+            revision = connection.execute("SELECT number FROM revision").fetchone()[0]
+            jobs = tuple(map(_make_job, connection.execute(f"{_SELECT_JOB} {waiting}")))
+            runs = tuple(
+                map(_make_run, connection.execute(f"{_SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
+            )
+            rows = {row["name"]: row for row in connection.execute("SELECT * FROM printer")}
+        active = {run.printer: run.job for run in runs}
+        printers = tuple(
+            PrinterState(
+                entry.name,
+                rows[entry.name]["bed"],
+                rows[entry.name]["material"] or entry.material,
+                active.get(entry.name),
+                rows[entry.name]["message"],
+            )
+            for entry in entries
+        )
+        return QueueSnapshot(revision, printers, jobs, runs)
+
+    def wait_for_change(self, revision: int, timeout: float) -> int:
+        """Wait until the queue differs from a revision, or for `timeout` seconds; return the current revision."""
+        pause, end = Flag(), monotonic() + timeout
+        while (current := self._database.read_revision()) == revision and monotonic() < end:
+            pause.wait(min(_POLL_INTERVAL, max(end - monotonic(), 0.0)))
+        return current
+
+    # Runs: called by the supervisor.
+
+    def find_run_folder(self, run: str) -> Path:
+        """Return the folder of a run."""
+        return self.folder / "runs" / run
+
+    def list_run_ids(self) -> set[str]:
+        """Return the ids of all runs, also of those that have ended."""
+        return {row["id"] for row in self._database.read("SELECT id FROM run")}
+
+    def list_active_runs(self) -> tuple[PrintRun, ...]:
+        """Return the runs that have not ended, the first one first."""
+        return tuple(
+            map(_make_run, self._database.read(f"{_SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
+        )
+
+    def begin_run(self, run: str, job: int, printer: str) -> bool:
+        """Give a ready job to a printer whose bed is clear, and mark the bed as occupied.
+
+        Args:
+            run: id of the new run, whose folder exists.
+            job: number of the job.
+            printer: name of the printer.
+
+        Returns:
+            False, without a change, if the job is not ready or the bed is not clear any more.
+        """
+        with self._database.transaction() as connection:
+            states = connection.execute(
+                "SELECT 1 FROM printer, job WHERE printer.name = ? AND bed = 'clear' AND job.id = ? AND state = 'ready'"
+                " AND NOT EXISTS (SELECT 1 FROM run WHERE run.printer = printer.name AND ended IS NULL)",
+                (printer, job),
+            ).fetchone()
+            if states is None:
+                return False
+            connection.execute("UPDATE printer SET bed = 'occupied', message = '' WHERE name = ?", (printer,))
+            connection.execute(
+                "INSERT INTO run (id, job, printer, started) VALUES (?, ?, ?, ?)", (run, job, printer, time())
+            )
+            _change_state(connection, job, "starting")
+            connection.execute("UPDATE job SET run = ? WHERE id = ?", (run, job))
+        return True
+
+    def mark_printing(self, run: str) -> None:
+        """Record that the print of a run can be controlled; no change if that is known."""
+        with self._database.transaction() as connection:
+            row = connection.execute("SELECT job FROM run WHERE id = ? AND ended IS NULL", (run,)).fetchone()
+            if row and _read_state(connection, row["job"]) == "starting":
+                _change_state(connection, row["job"], "printing")
+
+    def end_run(self, run: str, outcome: RunOutcome, message: str) -> None:
+        """Record how a run has ended; no change if that is known. The bed stays occupied."""
+        with self._database.transaction() as connection:
+            row = connection.execute("SELECT * FROM run WHERE id = ? AND ended IS NULL", (run,)).fetchone()
+            if row is None:
+                return
+            state = _OUTCOME_STATES[outcome]
+            if state == "ready" and row["is_cancelling"]:
+                state = "cancelled"
+            ended = "UPDATE run SET ended = ?, outcome = ?, message = ? WHERE id = ?"
+            connection.execute(ended, (time(), outcome, message, run))
+            _change_state(connection, row["job"], state, message)
+            said = f"job {row['job']}: {message}" if message else ""
+            connection.execute("UPDATE printer SET message = ? WHERE name = ?", (said, row["printer"]))
+
+
+# Rows.
+
+_SELECT_JOB: Final = "SELECT id, name, file, state, printer, material, allow, added, message, run FROM job"
+_SELECT_RUN: Final = "SELECT id, job, printer, started, ended, outcome, message, is_cancelling FROM run"
+
+
+def _make_job(row: sqlite3.Row) -> QueuedJob:
+    """Make a job from its row."""
+    values: dict[str, Any] = dict(row)
+    assert values["state"] in get_args(JobState)
+    return QueuedJob(**values | {"allow": tuple(json.loads(values["allow"]))})
+
+
+def _make_run(row: sqlite3.Row) -> PrintRun:
+    """Make a run from its row."""
+    values: dict[str, Any] = dict(row)
+    return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"])})
+
+
+def _insert_job(connection: sqlite3.Connection, values: dict[str, Any]) -> int:
+    """Insert a job at the end of the queue; return its number."""
+    position = connection.execute("SELECT coalesce(max(position), 0) + 1 FROM job").fetchone()[0]
+    names = ", ".join(values)
+    cursor = connection.execute(
+        f"INSERT INTO job (position, {names}) VALUES (?{', ?' * len(values)})",  # noqa: S608 - names of columns
+        (position, *values.values()),
+    )
+    return int(cursor.lastrowid or 0)
+
+
+def _read_state(connection: sqlite3.Connection, job: int) -> JobState:
+    """Return the state of a job.
+
+    Raises:
+        UsageError: there is none with this number.
+    """
+    row = connection.execute("SELECT state FROM job WHERE id = ?", (job,)).fetchone()
+    state: JobState = row["state"] if row else _raise_missing_job(job)
+    return state
+
+
+def _change_state(connection: sqlite3.Connection, job: int, state: JobState, message: str = "") -> None:
+    """Change the state of a job.
+
+    Raises:
+        UsageError: the job does not exist, or may not change so; see `TRANSITIONS`.
+    """
+    check_transition(job, _read_state(connection, job), state)
+    connection.execute("UPDATE job SET state = ?, message = ? WHERE id = ?", (state, message, job))
+
+
+def _read_order(connection: sqlite3.Connection) -> list[int]:
+    """Return the numbers of the waiting jobs in their order."""
+    rows = connection.execute("SELECT id FROM job WHERE state IN ('held', 'ready') ORDER BY position, id")
+    return [row["id"] for row in rows]
+
+
+def _write_order(connection: sqlite3.Connection, jobs: Sequence[int]) -> None:
+    """Give the waiting jobs the positions that they have together, in a new order."""
+    marks = ", ".join("?" * len(jobs))
+    rows = connection.execute(f"SELECT position FROM job WHERE id IN ({marks}) ORDER BY position", jobs)  # noqa: S608 - marks
+    positions = [row["position"] for row in rows]
+    connection.executemany("UPDATE job SET position = ? WHERE id = ?", zip(positions, jobs, strict=True))
+
+
+def _raise_missing_job(job: int) -> NoReturn:
+    """Raise the error of a job that does not exist."""
+    raise UsageError(f"there is no job {job}", remedy=_LIST_REMEDY)
