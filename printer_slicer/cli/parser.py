@@ -37,6 +37,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "contours": "export the contours of a part as SVG, CLI or SLC",
     "profiles": "list, show, compare, create and import profiles",
     "send": "upload G-code to a printer on the network",
+    "queue": "queue G-code for one or several printers",
     "control": "control a running print (pause, cancel, speed, ...)",
     "resume": "resume an interrupted print",
     "ports": "list the serial ports",

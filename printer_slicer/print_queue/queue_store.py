@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterable, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 from threading import Event as Flag
 from time import monotonic, time
 from typing import Any, Final, NoReturn, get_args
 
 from printer_slicer.diagnostics import check_allowed_codes
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.print_queue.database import QueueDatabase
 from printer_slicer.print_queue.file_facts import FileFacts, format_facts, parse_facts
 from printer_slicer.print_queue.file_store import DEFAULT_MAX_BYTES, FileStore
@@ -31,14 +32,15 @@ from printer_slicer.print_queue.records import (
     check_transition,
     clean_name,
 )
-from printer_slicer.printing.job_store import default_job_store
+from printer_slicer.printing.job_store import default_job_store, is_same_port
 from printer_slicer.saving import make_folder
 
-__all__ = ["MAX_COPIES", "PrintQueue", "default_queue_folder", "open_queue"]
+__all__ = ["MAX_COPIES", "PrintQueue", "default_queue_folder", "occupy_bed_on_port", "open_queue"]
 
 MAX_COPIES: Final = 1000
 """Largest number of jobs that one request adds."""
 
+_DATABASE_FILE: Final = "queue.sqlite"
 _POLL_INTERVAL: Final = 0.1  # s
 _LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
@@ -70,6 +72,19 @@ def open_queue(folder: Path | None = None, printers_file: Path | None = None) ->
     return PrintQueue(folder or default_queue_folder(), printers_file or find_printers_file())
 
 
+def occupy_bed_on_port(port: str) -> None:
+    """Record that a print begins on a port without the queue, so that no job is started onto its part.
+
+    Does nothing if there is no queue, or none of its printers is connected to this port.
+    """
+    if not (default_queue_folder() / _DATABASE_FILE).is_file():
+        return
+    with suppress(PrinterSlicerError), closing(open_queue()) as queue:
+        for entry in queue.list_printers():
+            if is_same_port(entry.port, port):
+                queue.set_bed(entry.name, "occupied")
+
+
 class PrintQueue:
     """The queue in a folder. Its methods may be called on any thread; each change is one transaction.
 
@@ -92,7 +107,7 @@ class PrintQueue:
         self.files = FileStore(folder / "files", max_bytes)
         self._printers_file = printers_file
         self._printers: tuple[int, tuple[PrinterEntry, ...]] = (-1, ())
-        self._database = QueueDatabase(folder / "queue.sqlite")
+        self._database = QueueDatabase(folder / _DATABASE_FILE)
 
     def close(self) -> None:
         """Close the database."""

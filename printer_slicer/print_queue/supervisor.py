@@ -41,7 +41,7 @@ from printer_slicer.printing.job_store import default_job_store
 from printer_slicer.process_lock import ProcessLock
 from printer_slicer.values import as_dict
 
-__all__ = ["PrintProcess", "Supervisor", "is_supervised", "launch_run", "lock_queue"]
+__all__ = ["PrintProcess", "Supervisor", "is_supervised", "launch_run", "lock_queue", "request_cancellation"]
 
 _LOCK_FILE: Final = "supervisor.lock"
 _INTERVAL: Final = 0.5  # s between two looks at the running prints
@@ -86,6 +86,19 @@ def lock_queue(queue: PrintQueue) -> Iterator[None]:
 def is_supervised(queue: PrintQueue) -> bool:
     """Return whether a supervisor works on the queue."""
     return ProcessLock(queue.folder / _LOCK_FILE).is_held()
+
+
+def request_cancellation(queue: PrintQueue, job: int) -> None:
+    """Ask the print of a cancelled job to end now; if it does not answer yet, the supervisor asks it later."""
+    for run in queue.list_active_runs():
+        if run.job == job and run.is_cancelling:
+            _send_cancel(default_job_store() / run.id)
+
+
+def _send_cancel(folder: Path) -> None:
+    """Ask a print to end, if it answers."""
+    with suppress(PortError):
+        send_control_command(folder, "cancel", timeout=_CANCEL_TIMEOUT)
 
 
 class Supervisor:
@@ -160,8 +173,7 @@ class Supervisor:
                 self._queue.mark_printing(run.id)
                 self._on_change(f"{run.printer}: job {run.job} is printing")
             if run.is_cancelling:
-                with suppress(PortError):
-                    send_control_command(self._job_store / run.id, "cancel", timeout=_CANCEL_TIMEOUT)
+                _send_cancel(self._job_store / run.id)
 
     def _settle(self, run: PrintRun, folder: Path) -> RunReport:
         """Return what the folder of a run says; a run without a process is claimed, so that it never starts."""

@@ -1,0 +1,356 @@
+"""`queue`: queue G-code files for one or several printers, and print them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from printer_slicer.cli.arguments import add_allow_option, add_output_options, parse_positive_integer
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.output import print_text
+from printer_slicer.errors import UsageError
+from printer_slicer.texts import format_duration
+from printer_slicer.values import as_dict
+
+if TYPE_CHECKING:
+    from printer_slicer.print_queue import PrinterState, PrintQueue, QueuedJob
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer queue add part.gcode --copies 3
+  printer-slicer queue clear-bed left
+  printer-slicer queue run
+  printer-slicer queue explain 2
+  printer-slicer queue move 3 first             also: move 3 last, move 3 before 2"""
+_ACTIONS: Final = {
+    "list": "list printers and jobs, with --all also jobs that have ended",
+    "add": "FILE...: add a job for each G-code file",
+    "move": "JOB first | last | before JOB: change the order",
+    "explain": "JOB: say why a job waits",
+    "hold": "JOB...: do not start it until it is released",
+    "release": "JOB...: start it when its turn comes, again if it failed",
+    "cancel": "JOB...: cancel it, also while it is printing",
+    "clear-bed": "PRINTER...: you have taken the part off the bed",
+    "occupy-bed": "PRINTER...: something lies on the bed",
+    "load": "PRINTER MATERIAL: this material is loaded",
+    "run": "start jobs on printers with a clear bed, until Ctrl-C",
+}
+_BEDS: Final = {"clear": "bed clear", "occupied": "bed occupied", "unknown": "bed may be occupied"}
+_PIECE: Final = 1 << 20  # bytes
+_MOST_ENDED: Final = 100  # jobs that --all lists
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `queue`."""
+    width = max(map(len, _ACTIONS)) + 2
+    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _ACTIONS.items()).rstrip("\n")
+    parser.epilog = f"actions:\n{actions}"
+    parser.add_argument(
+        "what",
+        nargs="?",
+        metavar="ACTION",
+        choices=tuple(_ACTIONS),
+        default="list",
+        help="one of the actions below; default: list",
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="files, numbers of jobs, or names of printers"
+    )
+    parser.add_argument(
+        "--printer", metavar="NAME", default="", help="for add: a printer or a group of printers"
+    )
+    parser.add_argument(
+        "--material", metavar="NAME", default="", help="for add: default: the material in the file"
+    )
+    parser.add_argument(
+        "--copies", metavar="N", type=parse_positive_integer, default=1, help="for add: number of jobs"
+    )
+    parser.add_argument("--held", action="store_true", help="for add: hold the jobs until they are released")
+    parser.add_argument("--first", action="store_true", help="for add: place the jobs before all others")
+    parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
+    mark_advanced(
+        parser.add_argument(
+            "--printers-file",
+            metavar="FILE.toml",
+            type=Path,
+            help="file with the printers; default: printers.toml in your configuration folder",
+        )
+    )
+    add_allow_option(parser)
+    add_output_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run an action on the queue, such as list or add."""
+    from printer_slicer.print_queue import open_queue
+
+    _check_names(arguments)
+    queue = open_queue(printers_file=arguments.printers_file)
+    try:
+        return _ACTION_FUNCTIONS[arguments.what](arguments, queue)
+    finally:
+        queue.close()
+
+
+def _check_names(arguments: argparse.Namespace) -> None:
+    """Check the number of names of an action.
+
+    Raises:
+        UsageError: there are too few or too many.
+    """
+    what, count = arguments.what, len(arguments.names)
+    needed = {"list": (0, 0), "run": (0, 0), "explain": (1, 1), "load": (2, 2), "move": (2, 3)}
+    least, most = needed.get(what, (1, count))
+    if not least <= count <= most:
+        words = _ACTIONS[what].partition(":")[0] if least else ""
+        raise UsageError(
+            f"queue {what}: {count} names, {least or 'none'} wanted",
+            remedy=f"Use printer-slicer queue {what} {words}".rstrip(),
+        )
+
+
+def _parse_job(text: str) -> int:
+    """Return the number of a job.
+
+    Raises:
+        UsageError: the text is no number.
+    """
+    number = text.removeprefix("#")
+    if not (number.isascii() and number.isdigit() and len(number) < 19):
+        raise UsageError(
+            f"{text} is no number of a job", remedy="Run printer-slicer queue list to see the numbers"
+        )
+    return int(number)
+
+
+def _print_result(arguments: argparse.Namespace, facts: Mapping[str, Any], text: str) -> int:
+    """Print the result of an action, as JSON or as text; return the exit code."""
+    if arguments.json:
+        print(json.dumps(facts))
+    else:
+        print_text(arguments, text, is_message=False)
+    return 0
+
+
+# Jobs.
+
+
+def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """Add jobs for G-code files."""
+    from printer_slicer.jobs import is_gcode
+    from printer_slicer.print_queue import JobRequest, read_file_facts
+
+    paths = [Path(name) for name in arguments.names]
+    for path in paths:
+        if not is_gcode(path):
+            raise UsageError(
+                f"{path}: the queue takes G-code files", remedy=f"Slice it first: printer-slicer slice {path}"
+            )
+    queue.list_printers()  # fails before a file is stored
+    jobs: list[QueuedJob] = []
+    for path in reversed(paths) if arguments.first else paths:
+        file = queue.add_file(path.name, _read_pieces(path))
+        if queue.read_facts(file.id) is None:
+            queue.store_facts(file.id, read_file_facts(queue.files.find_path(file.id), path.name))
+        request = JobRequest(
+            name=path.name,
+            printer=arguments.printer,
+            material=arguments.material,
+            allow=tuple(arguments.allow),
+            held=arguments.held,
+            first=arguments.first,
+            copies=arguments.copies,
+        )
+        jobs += queue.add_jobs(file.id, request)
+    lines = [f"job {job.id}: {job.name}{_describe_file(queue, job)}" for job in jobs]
+    return _print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
+
+
+def _read_pieces(path: Path) -> Iterator[bytes]:
+    """Yield a file in pieces.
+
+    Raises:
+        UsageError: the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(_PIECE):
+                yield piece
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be read: {error.strerror}", remedy="Check the name of the file"
+        ) from None
+
+
+def _describe_file(queue: PrintQueue, job: QueuedJob) -> str:
+    """Return the time and the material of a job's file, or why it cannot be printed."""
+    facts = queue.read_facts(job.file)
+    if facts is None:
+        return ""
+    material = job.material or facts.material
+    described = [facts.problem] if facts.problem else [format_duration(facts.seconds), material]
+    return f" ({', '.join(filter(None, described))})"
+
+
+def _move(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """Move a job within the queue."""
+    job, where, *other = arguments.names
+    number = _parse_job(job)
+    if where == "first" and not other:
+        waiting = [one.id for one in queue.snapshot().jobs if one.state in {"held", "ready"}]
+        queue.move_job(number, before=waiting[0] if waiting else None)
+    elif where == "last" and not other:
+        queue.move_job(number)
+    elif where == "before" and other:
+        queue.move_job(number, before=_parse_job(other[0]))
+    else:
+        raise UsageError(
+            f"queue move {' '.join(arguments.names)}: no such place",
+            remedy=f"Use printer-slicer queue move {job} first, or last, or before JOB",
+        )
+    return _list(arguments, queue)
+
+
+def _change_jobs(
+    change: Callable[[PrintQueue, int], object],
+) -> Callable[[argparse.Namespace, PrintQueue], int]:
+    """Return the action that changes each named job."""
+
+    def act(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+        """Change the jobs, and print their states."""
+        numbers = [_parse_job(name) for name in arguments.names]
+        for number in numbers:
+            queue.find_job(number)  # fails before a job is changed
+        for number in numbers:
+            change(queue, number)
+        jobs = [queue.find_job(number) for number in numbers]
+        lines = [f"job {job.id}: {_describe_state(job)}" for job in jobs]
+        return _print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
+
+    return act
+
+
+def _describe_state(job: QueuedJob) -> str:
+    """Return the state of a job in words; one that is asked to end while it prints is not at its end yet."""
+    return f"{job.state} ({job.message})" if job.message else job.state
+
+
+def _cancel(queue: PrintQueue, job: int) -> None:
+    """Cancel a job; a print is asked to end at once, or else by the supervisor."""
+    from printer_slicer.print_queue.supervisor import request_cancellation
+
+    queue.cancel_job(job)
+    request_cancellation(queue, job)
+
+
+def _explain(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """Explain why a job waits."""
+    from printer_slicer.print_queue import explain_job
+
+    found = explain_job(queue, _parse_job(arguments.names[0]))
+    lines = [found.summary]
+    if found.job.state in {"held", "ready"}:
+        lines += [
+            f"  {one.printer}: {'; '.join(one.reasons) or 'ready to print it'}" for one in found.printers
+        ]
+    return _print_result(arguments, as_dict(found), "\n".join(lines))
+
+
+# Printers.
+
+
+def _set_beds(bed: Any) -> Callable[[argparse.Namespace, PrintQueue], int]:
+    """Return the action that records the state of beds."""
+
+    def act(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+        """Record the state of the beds of the named printers."""
+        for name in arguments.names:
+            queue.set_bed(name, bed)
+        return _print_result(
+            arguments,
+            {"printers": arguments.names, "bed": bed},
+            "\n".join(f"{name}: {_BEDS[bed]}" for name in arguments.names),
+        )
+
+    return act
+
+
+def _load(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """Record which material is loaded."""
+    printer, material = arguments.names
+    queue.set_material(printer, material)
+    return _print_result(
+        arguments, {"printer": printer, "material": material}, f"{printer}: {material} is loaded"
+    )
+
+
+# The whole queue.
+
+
+def _list(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """List printers and jobs."""
+    snapshot = queue.snapshot()
+    ended = queue.list_ended_jobs(_MOST_ENDED) if arguments.all else ()
+    facts = as_dict(snapshot) | ({"ended": [as_dict(job) for job in ended]} if arguments.all else {})
+    lines = [_format_printer(state) for state in snapshot.printers]
+    lines += [_format_job(queue, job) for job in (*snapshot.jobs, *ended)]
+    return _print_result(
+        arguments, facts, "\n".join(lines if snapshot.jobs or ended else [*lines, "no jobs"])
+    )
+
+
+def _format_printer(state: PrinterState) -> str:
+    """Return a line about a printer."""
+    doing = f"printing job {state.job}" if state.job is not None else _BEDS[state.bed]
+    return f"{state.name}: {doing}, {state.material} is loaded" + (
+        f"; {state.message}" if state.message else ""
+    )
+
+
+def _format_job(queue: PrintQueue, job: QueuedJob) -> str:
+    """Return a line about a job."""
+    wanted = f" for {job.printer}" if job.printer else ""
+    return f"job {job.id}: {job.name}{_describe_file(queue, job)}{wanted}, {_describe_state(job)}"
+
+
+def _run(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+    """Start jobs until Ctrl-C or SIGTERM; the prints go on."""
+    import signal
+    from threading import Event
+
+    from printer_slicer.print_queue.supervisor import Supervisor, lock_queue
+
+    stopped = Event()
+
+    def report(text: str) -> None:
+        """Print what has happened, at once."""
+        _print_result(arguments, {"event": "queue", "text": text}, text)
+        print(end="", flush=True)
+
+    names = ", ".join(entry.name for entry in queue.list_printers())
+    with lock_queue(queue):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stopped.set())
+        print_text(arguments, f"starting jobs on {names}; Ctrl-C ends this program, but no print")
+        print(end="", flush=True)
+        Supervisor(queue, on_change=report).run(stopped.is_set)
+    return 0
+
+
+_ACTION_FUNCTIONS: Final[Mapping[str, Callable[[argparse.Namespace, PrintQueue], int]]] = {
+    "list": _list,
+    "add": _add,
+    "move": _move,
+    "explain": _explain,
+    "hold": _change_jobs(lambda queue, job: queue.hold_job(job)),
+    "release": _change_jobs(lambda queue, job: queue.release_job(job)),
+    "cancel": _change_jobs(_cancel),
+    "clear-bed": _set_beds("clear"),
+    "occupy-bed": _set_beds("occupied"),
+    "load": _load,
+    "run": _run,
+}
