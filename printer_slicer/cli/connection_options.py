@@ -10,7 +10,13 @@ from printer_slicer.cli.arguments import parse_timeout
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.errors import PortError
 
-__all__ = ["SIMULATED_PORT", "add_connection_options", "add_port_arguments", "reject_simulated_port"]
+__all__ = [
+    "SIMULATED_PORT",
+    "add_connection_options",
+    "add_port_arguments",
+    "occupy_queue_bed",
+    "reject_simulated_port",
+]
 
 SIMULATED_PORT: Final = "sim:"
 """The port of `print` that stands for the simulated printer."""
@@ -32,6 +38,16 @@ def reject_simulated_port(port: str) -> None:
         raise PortError(
             f"there is no port {port}", remedy="Did you mean sim:, the simulated printer of print?"
         )
+
+
+def occupy_queue_bed(port: str) -> None:
+    """Tell the queue, if there is one, that a print begins on a port, so that no job is started onto its part."""
+    from printer_slicer.print_queue.folders import has_default_queue
+
+    if has_default_queue():
+        from printer_slicer.print_queue.queue_store import occupy_bed_on_port
+
+        occupy_bed_on_port(port)
 
 
 def add_port_arguments(parser: argparse.ArgumentParser, meaning: str, *, required: bool) -> None:

@@ -16,6 +16,7 @@ from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.print_queue.database import QueueDatabase
 from printer_slicer.print_queue.file_facts import FileFacts, format_facts, parse_facts
 from printer_slicer.print_queue.file_store import DEFAULT_MAX_BYTES, FileStore
+from printer_slicer.print_queue.folders import DATABASE_FILE, default_queue_folder, has_default_queue
 from printer_slicer.print_queue.printers import PrinterEntry, find_printers_file, read_printers
 from printer_slicer.print_queue.records import (
     ACTIVE_STATES,
@@ -32,15 +33,14 @@ from printer_slicer.print_queue.records import (
     check_transition,
     clean_name,
 )
-from printer_slicer.printing.job_store import default_job_store, is_same_port
+from printer_slicer.printing.job_store import is_same_port
 from printer_slicer.saving import make_folder
 
-__all__ = ["MAX_COPIES", "PrintQueue", "default_queue_folder", "occupy_bed_on_port", "open_queue"]
+__all__ = ["MAX_COPIES", "PrintQueue", "occupy_bed_on_port", "open_queue"]
 
 MAX_COPIES: Final = 1000
 """Largest number of jobs that one request adds."""
 
-_DATABASE_FILE: Final = "queue.sqlite"
 _POLL_INTERVAL: Final = 0.1  # s
 _LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
@@ -52,11 +52,6 @@ _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
     "lost": "failed",
 }
 """Outcome of a run -> the state of its job afterwards."""
-
-
-def default_queue_folder() -> Path:
-    """Return the folder of the queue: beside the stored prints, see `default_job_store`."""
-    return default_job_store().parent / "queue"
 
 
 def open_queue(folder: Path | None = None, printers_file: Path | None = None) -> PrintQueue:
@@ -77,7 +72,7 @@ def occupy_bed_on_port(port: str) -> None:
 
     Does nothing if there is no queue, or none of its printers is connected to this port.
     """
-    if not (default_queue_folder() / _DATABASE_FILE).is_file():
+    if not has_default_queue():
         return
     with suppress(PrinterSlicerError), closing(open_queue()) as queue:
         for entry in queue.list_printers():
@@ -107,7 +102,7 @@ class PrintQueue:
         self.files = FileStore(folder / "files", max_bytes)
         self._printers_file = printers_file
         self._printers: tuple[int, tuple[PrinterEntry, ...]] = (-1, ())
-        self._database = QueueDatabase(folder / _DATABASE_FILE)
+        self._database = QueueDatabase(folder / DATABASE_FILE)
 
     def close(self) -> None:
         """Close the database."""

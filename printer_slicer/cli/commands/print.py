@@ -20,6 +20,7 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.connection_options import (
     SIMULATED_PORT,
     add_connection_options,
+    occupy_queue_bed,
     reject_simulated_port,
 )
 from printer_slicer.cli.help import mark_advanced
@@ -178,6 +179,7 @@ def _print_on_port(arguments: argparse.Namespace, job: Job, profile: Profile) ->
 
     def start_print(**common: Any) -> PrintResult:
         """Print the job from the beginning."""
+        occupy_queue_bed(arguments.port)
         return print_job(
             job,
             profile,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output_options
-from printer_slicer.cli.connection_options import add_connection_options
+from printer_slicer.cli.connection_options import add_connection_options, occupy_queue_bed
 from printer_slicer.cli.output import print_text, sanitize
 
 if TYPE_CHECKING:
@@ -106,6 +106,7 @@ def _resume_print(arguments: argparse.Namespace, found: Print) -> int:
 
     def print_rest(**common: Any) -> PrintResult:
         """Print the rest of the job."""
+        occupy_queue_bed(arguments.port or found.port)
         return resume_print(
             found,
             job,
