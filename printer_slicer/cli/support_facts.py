@@ -12,6 +12,7 @@ from printer_slicer.extrusion.cooling import find_next_extrusions
 from printer_slicer.geometry import Areas, difference, intersection
 from printer_slicer.model import Bare, Program, Sections, Supports
 from printer_slicer.profile import Profile
+from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
 from printer_slicer.supports.firmness import find_grips, find_slim_pieces
@@ -42,7 +43,7 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
     volume = filament * profile.material.filament_area
     area = supports.area
     return {
-        "style": _name_style(supports),
+        "style": _name_style(supports, profile),
         "layers": supports.plan.layers.n_layers,
         "filament_g": round(volume / 1000 * profile.material.density, 3),
         "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
@@ -57,10 +58,15 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
     }
 
 
-def _name_style(supports: Supports) -> str:
-    """Return the styles of the supports: `columns`, `tree`, or both."""
+def _name_style(supports: Supports, profile: Profile) -> str:
+    """Return the styles of the supports: `columns`, `tree`, or both; `none` if none are printed.
+
+    Trees for low places may have no branches, only a roof on the bed.
+    """
+    if not supports.area.n_rings:
+        return "none"
     if not len(supports.branches):
-        return "columns"
+        return "tree" if list_support_styles(profile) <= {"tree", "off"} else "columns"
     columns = supports.base.of_layers(np.arange(1, supports.base.n_layers)).area().sum()
     is_mixed = columns - supports.hollow.area().sum() > _LEAST_COLUMN
     return "columns and tree" if is_mixed else "tree"
@@ -138,9 +144,8 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     on_part = (
         f"; {format_significant(facts['on_part_mm2'])} mm² stand on the part" if facts["on_part_mm2"] else ""
     )
-    lines = [
-        f"Supports ({name}): {format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
-    ]
+    amount = f"{format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
+    lines = ["Supports: none can be printed" if name == "none" else f"Supports ({name}): {amount}"]
     for place in facts["bare"][:_MOST_PLACES]:
         what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"
         lines.append(

@@ -6,9 +6,9 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, distinct
 from printer_slicer.geometry import normalize, offset, union
-from printer_slicer.model import Areas, LayerPlan, Sections
+from printer_slicer.model import Areas, LayerPlan, Sections, SupportPlan
 
-__all__ = ["find_blocked_areas"]
+__all__ = ["find_blocked_areas", "find_gaps_above"]
 
 _ROUNDING = 1e-6  # mm
 
@@ -33,6 +33,14 @@ def find_blocked_areas(
     if any(map(np.any, z_gaps)):
         areas = union(areas, offset(_unite_ranges(sections.solid, own, near[chosen]), near_gap))
     return areas.copy_layers(entry)
+
+
+def find_gaps_above(plan: SupportPlan, gap: float) -> Float:
+    """Return the distance (S,) of each support layer to the part above; it is less only where there is no room."""
+    gaps = np.full(plan.layers.n_layers, gap)
+    carried = np.flatnonzero(plan.carrier >= 0)
+    np.minimum.at(gaps, plan.carrier[carried], plan.gap[carried])
+    return gaps
 
 
 def _find_ranges(sections: Sections, layers: LayerPlan, z_gaps: tuple[float, float | Float]) -> Int:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, consecutive, distinct
+from printer_slicer.arrays import consecutive, distinct
 from printer_slicer.geometry import (
     Areas,
     close_gaps,
@@ -25,7 +25,7 @@ from printer_slicer.geometry import (
 from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
-from printer_slicer.supports.blocked_areas import find_blocked_areas
+from printer_slicer.supports.blocked_areas import find_blocked_areas, find_gaps_above
 from printer_slicer.supports.interfaces import divide_columns
 from printer_slicer.values import Struct
 
@@ -65,7 +65,7 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
     if not layers.n_layers:
         none = Areas.empty(0)
         return Supports(plan, none, none, none, none, none)
-    gaps = quality.support_bottom_gap, _find_gaps_above(plan, quality.support_gap)
+    gaps = quality.support_bottom_gap, find_gaps_above(plan, quality.support_gap)
     xy_gap = quality.support_xy_gap
     blocked = find_blocked_areas(sections, layers, xy_gap, gaps, min(_NEAR_GAP, xy_gap))
     # Below a slope, the gap beside the layer before takes much of each strip.
@@ -122,14 +122,6 @@ def _find_ground(sections: Sections, layers: LayerPlan) -> Areas:
     count = np.searchsorted(top, layers.bottom + _ROUNDING, side="right") - first
     entry = np.repeat(np.arange(layers.n_layers), count)
     return normalize(sections.solid.copy_layers(consecutive(first, count)).on_layers(entry, layers.n_layers))
-
-
-def _find_gaps_above(plan: SupportPlan, gap: float) -> Float:
-    """Return the distance (S,) of each support layer to the part above; it is less only where there is no room."""
-    gaps = np.full(plan.layers.n_layers, gap)
-    carried = np.flatnonzero(plan.carrier >= 0)
-    np.minimum.at(gaps, plan.carrier[carried], plan.gap[carried])
-    return gaps
 
 
 def _clip_to_bed(areas: Areas, profile: Profile) -> Areas:

@@ -20,7 +20,7 @@ from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
 from printer_slicer.profile import Profile
 from printer_slicer.supports.bare_places import NO_WAY
-from printer_slicer.supports.blocked_areas import find_blocked_areas
+from printer_slicer.supports.blocked_areas import find_blocked_areas, find_gaps_above
 from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs, round_notches
 from printer_slicer.supports.descent import descend
 from printer_slicer.supports.fields import Fields, build_fields
@@ -77,7 +77,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     if not n:
         return Supports(plan, empty, empty, empty, empty, empty)
     settings = read_tree_settings(profile, float(layers.height.max()), float(layers.top[-1]))
-    gaps = _LEAST_BOTTOM_GAP * settings.bottom_gap, settings.gap
+    gaps = _LEAST_BOTTOM_GAP * settings.bottom_gap, find_gaps_above(plan, settings.gap)
     blocked = find_blocked_areas(sections, layers, settings.xy_gap, gaps, settings.near_gap)
     bed = np.array(profile.printer.corners[0]), np.array(profile.printer.corners[1])
     fields = build_fields(sections, float(layers.top[-1]), bed, settings)

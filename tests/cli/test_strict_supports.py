@@ -111,3 +111,12 @@ def test_json_has_all_about_bare_places(folder: Path) -> None:
     assert facts["bare_mm2"] == pytest.approx(sum(one["area_mm2"] for one in facts["bare"]), rel=0.01)
     assert facts["bare_mm2"] == pytest.approx(np.pi * (14**2 - 3**2), rel=0.1)
     assert max(one["free_distance_mm"] for one in facts["bare"]) == pytest.approx(11.0, abs=0.5)
+
+
+def test_supports_are_no_remedy_where_they_are_on(folder: Path) -> None:
+    words = ("slice", folder / "tee.stl", "-o", folder / "x.gcode", *QUICK)
+    none, kept = typed(*words), typed(*words, "--supports", "columns", "--set", "support_min_area=1000")
+
+    said = [" ".join(outcome.err.split()) for outcome in (none, kept)]
+    assert all("of unsupported extrusion" in text for text in said)
+    assert ["print supports with --supports" in text for text in said] == [True, False]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.support_parts import turned
-from printer_slicer.cli.support_facts import collect_support_facts
+from printer_slicer.cli.support_facts import collect_support_facts, format_support_sentences
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.geometry import intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Supports, Toolpaths
@@ -25,7 +25,7 @@ from printer_slicer.travels import travel
 from printer_slicer.values import replace
 from tests.parts import box, joined
 from tests.supports.by_stages import prepared
-from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee
+from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee, tub
 
 PARTS = {
     "tee": tee,
@@ -173,3 +173,32 @@ def test_trees_are_not_cheaper_than_their_estimate(name: str) -> None:
 
     assert (least > 0).all()
     assert least.sum() < cost_of(name, "tree")
+
+
+def ledge(clearance: float) -> Mesh:
+    """A block with ledges on two sides, just above the bed."""
+    return joined([box((20.0, 20.0, 10.0), (10.0, 0.0, 0.0)), box((40.0, 20.0, 2.0), (0.0, 0.0, clearance))])
+
+
+@pytest.mark.parametrize("clearance", [0.35, 0.5])
+def test_trees_of_low_ledges_are_roofs_on_the_bed(clearance: float) -> None:
+    profile = load_profile(quality="standard", changes={"support": "tree"})
+    stages = slice_stages(ledge(clearance), profile)
+    facts = collect_support_facts(stages, profile)
+
+    assert stages.supports is not None
+    assert facts is not None
+    assert facts["style"] == "tree"
+    assert facts["on_bed_mm2"] > 380
+    assert not stages.supports.bare
+
+
+def test_supports_without_plastic_have_no_style() -> None:
+    profile = load_profile(quality="standard", changes={"support": "columns", "support_on_bed_only": True})
+    stages = slice_stages(tub(), profile)
+    facts = collect_support_facts(stages, profile)
+
+    assert facts is not None
+    assert (facts["style"], facts["filament_g"]) == ("none", 0)
+    assert facts["bare"]
+    assert format_support_sentences(facts)[0] == "Supports: none can be printed"

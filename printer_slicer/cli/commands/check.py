@@ -158,6 +158,7 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.commands import read_text
     from printer_slicer.inspection.coverage.measurement import CoverageRules
     from printer_slicer.inspection.coverage.model_check import CheckOptions, check_gcode
+    from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 
     reject_options_without_model(arguments, _list_given_comparison_options(arguments))
     check_outputs(arguments)
@@ -170,7 +171,9 @@ def run(arguments: argparse.Namespace) -> int:
         text = read_text(arguments.gcode)
         mesh, plate, _ = load_repaired_plate(arguments, file_check.profile, report)
         placement = plate.placement if arguments.center or arguments.as_placed or not arguments.drop else None
-        rules = CoverageRules(shell=arguments.shell, surface_depth=arguments.skin)
+        rules = CoverageRules(
+            shell=arguments.shell, surface_depth=arguments.skin, gaps=SupportGaps.of(file_check.profile)
+        )
         asked = CheckOptions(rules, limits, arguments.filament, placement)
         check = check_gcode(text, mesh, asked, name=arguments.gcode.name, report=report)
         drawn: list[str] = []

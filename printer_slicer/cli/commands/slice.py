@@ -52,7 +52,8 @@ EXAMPLES: Final = """\
   printer-slicer slice box.3mf 'lid.stl*12' -o plate.gcode   arranged, on as many plates as needed
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
 _LARGEST_KEPT: Final = 2 << 20  # bytes
-_UNSUPPORTED_REMEDY = "rotate the part, print supports with --supports, or accept it with --allow unsupported"
+_ROTATE: Final = "rotate the part"
+_ROTATE_OR_SUPPORT: Final = "rotate the part, print supports with --supports"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -331,18 +332,29 @@ def _list_late_warnings(
     )
 
     return [
-        *_list_unsupported_warnings(unsupported),
+        *_list_unsupported_warnings(unsupported, profile),
         *list_blocked_island_warnings(stage),
         *list_unused_enforcer_warnings(stage, profile),
         *_list_unused_range_warnings(profile, stage.sections.plan),
     ]
 
 
-def _list_unsupported_warnings(found: Sequence[UnsupportedExtrusion]) -> list[str]:
+def _list_unsupported_warnings(found: Sequence[UnsupportedExtrusion], profile: Profile) -> list[str]:
     """Return a warning if unsupported extrusion was found; otherwise an empty list."""
     from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
-    return [f"{describe_unsupported(found)}; {_UNSUPPORTED_REMEDY}"] if found else []
+    if not found:
+        return []
+    return [
+        f"{describe_unsupported(found)}; {_choose_remedy(profile)}, or accept it with --allow unsupported"
+    ]
+
+
+def _choose_remedy(profile: Profile) -> str:
+    """Return what helps against unsupported extrusion; supports are named only if there are none."""
+    from printer_slicer.profile.object_profiles import list_support_styles
+
+    return _ROTATE_OR_SUPPORT if list_support_styles(profile) == {"off"} else _ROTATE
 
 
 def _list_unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
@@ -373,11 +385,11 @@ def _find_unsupported(
     found = unsupported_of_program(program, profile)
     keep_freed_memory()
     if arguments.strict and "unsupported" not in arguments.allow:
-        _reject_unsupported(name, found)
+        _reject_unsupported(name, found, profile)
     return found
 
 
-def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> None:
+def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion], profile: Profile) -> None:
     """Reject unsupported extrusion, for --strict without --allow unsupported.
 
     Raises:
@@ -386,9 +398,10 @@ def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion]) -> Non
     from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
     if found:
+        remedy = _choose_remedy(profile)
         raise PartError(
             f"{name}: {describe_unsupported(found)}",
-            remedy="Rotate the part, print supports with --supports, or use --allow unsupported; without --strict, "
+            remedy=f"{remedy[0].upper()}{remedy[1:]}, or use --allow unsupported; without --strict, "
             "unsupported extrusion causes only a warning",
         )
 

@@ -22,6 +22,7 @@ from printer_slicer.inspection.coverage.zones import (
     shell_depth,
 )
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
+from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, UnsupportedTracker
 from printer_slicer.values import Struct, force_setattr
 
@@ -47,6 +48,7 @@ class CoverageRules(Struct, frozen=True):
         min_gap: mm; narrower gaps between extrusions do not count as uncovered.
         outside_tolerance: mm; extrusions that protrude from the section by less do not count as outside.
         overlap_ratio: ratio of the material to the material needed, above which extrusions overlap.
+        gaps: of supports, which are no unsupported places.
     """
 
     shell: float | None = None
@@ -54,6 +56,7 @@ class CoverageRules(Struct, frozen=True):
     min_gap: float = 0.1
     outside_tolerance: float = 0.1
     overlap_ratio: float = 1.3
+    gaps: SupportGaps = SupportGaps()
 
 
 class Coverage(Struct, frozen=True, eq=False):
@@ -162,7 +165,7 @@ def coverage_of(
         outside=difference(covered, offset(sections, rules.outside_tolerance)),
         outline=_measure_outline(sections, body, stack, rules),
         fill=measure_fill(stack, of_part, inner, area_to_fill, rules.overlap_ratio),
-        unsupported=_find_unsupported(stack, sections),
+        unsupported=_find_unsupported(stack, sections, rules.gaps),
         volume=np.bincount(split_stack.layer[split_of_part], volume[split_of_part], stack.n_layers).astype(
             np.float64
         ),
@@ -171,7 +174,7 @@ def coverage_of(
     )
 
 
-def _find_unsupported(stack: Stack, sections: Areas) -> tuple[UnsupportedExtrusion, ...]:
+def _find_unsupported(stack: Stack, sections: Areas, gaps: SupportGaps) -> tuple[UnsupportedExtrusion, ...]:
     """Find unsupported extrusion near the part, with the rules of `slice`, `print` and a dry run."""
     beads, n_beads = stack.beads, stack.beads.n_beads
     # Extrusion before the first layer of the part primes the nozzle.
@@ -184,6 +187,7 @@ def _find_unsupported(stack: Stack, sections: Areas) -> tuple[UnsupportedExtrusi
         roles=changes + 1,
         names=beads.purpose[changes],
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
+        gaps=gaps,
     )
     (left, front), (right, back) = (
         (sections.xy.min(axis=0) - _MAX_DISTANCE).tolist(),

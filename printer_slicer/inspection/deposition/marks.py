@@ -11,6 +11,7 @@ import numpy as np
 
 from printer_slicer.arrays import Int
 from printer_slicer.gcode.lexer import parse
+from printer_slicer.inspection.deposition.support_gaps import USUAL_GAPS, SupportGaps
 from printer_slicer.roles import ROLES
 from printer_slicer.values import Struct, field
 
@@ -118,7 +119,9 @@ class Defect(NamedTuple):
 
 
 class Marks(Struct, frozen=True, eq=False):
-    """Layers, roles and tools of a job's commands, read from comments; commands are counted from 1.
+    """Layers, roles and tools of a job's commands, read from comments, and the gaps of its supports.
+
+    Commands are counted from 1.
 
     Attributes:
         layers: (M,) commands at which a layer begins, ascending; empty if no comment names layers.
@@ -128,6 +131,7 @@ class Marks(Struct, frozen=True, eq=False):
         removable: indices of roles that are removed after the print, such as supports.
         changes: (T,) commands that choose a tool.
         tools: (T,) the tool of each; before the first it is 0.
+        gaps: of supports, which are no unsupported places.
     """
 
     layers: Int = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -137,6 +141,7 @@ class Marks(Struct, frozen=True, eq=False):
     removable: frozenset[int] = frozenset()
     changes: Int = field(default_factory=lambda: np.zeros(0, np.int64))
     tools: Int = field(default_factory=lambda: np.zeros(0, np.int64))
+    gaps: SupportGaps = USUAL_GAPS
 
     @property
     def has_roles(self) -> bool:
@@ -158,7 +163,11 @@ class Marks(Struct, frozen=True, eq=False):
 
 
 def marks_of(
-    commands: Sequence[bytes], text: bytes, layers_at: Mapping[int, int], roles_at: Mapping[int, str]
+    commands: Sequence[bytes],
+    text: bytes,
+    layers_at: Mapping[int, int],
+    roles_at: Mapping[int, str],
+    gaps: SupportGaps = USUAL_GAPS,
 ) -> Marks:
     """Collect the layers, roles and tools of a job's commands from its comments.
 
@@ -167,6 +176,7 @@ def marks_of(
         text: the source of the commands.
         layers_at: command index -> layer.
         roles_at: command index -> name of the role from there on.
+        gaps: of supports.
     """
     layers = np.array(list(layers_at), np.int64) + 1
     roles = {command: purpose_of(name) for command, name in roles_at.items()}
@@ -183,6 +193,7 @@ def marks_of(
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
         changes=changes,
         tools=tools,
+        gaps=gaps,
     )
 
 

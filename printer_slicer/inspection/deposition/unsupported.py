@@ -3,8 +3,8 @@
 Extrusion is unsupported if it is more than 5 mm from every supported extrusion and from every bridge of its height. A
 bridge runs straight over a gap and is supported at both ends. Adjacent extrusions may overhang by up to 5 mm.
 
-Supports are held to less: they lie on other supports without a gap, so that a missing layer is noticed, and they may
-overhang by 2.8 mm along their path.
+A part may lie on supports, and supports on a part, at the gaps of the settings. Supports lie on other supports without
+a gap, so that a missing layer is noticed, and they may overhang by only 2.8 mm along their path.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from printer_slicer.inspection.deposition.height_map import (
     split_moves,
 )
 from printer_slicer.inspection.deposition.marks import Marks, Purpose, purposes_of_roles
+from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.kernel import load_kernel
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
@@ -48,11 +49,9 @@ MIN_REPORTED_LENGTH: Final = 3.0
 
 _MAX_SAG: Final = 1.15  # strand diameters; the print supports extrusion at most this far above it
 _MOVES_AT_ONCE: Final = 1 << 14  # moves of a program that are checked together
-_SUPPORT_GAP: Final = 0.32  # mm, gap that slicers leave between supports and the part
 _MAX_OVERHANG: Final = 5.0  # mm, overhang of adjacent extrusions that counts as supported
 _MAX_SUPPORT_OVERHANG: Final = 2.8  # mm along the path, the same for supports
 _SEAM: Final = 0.5  # mm between the ends of a loop
-_LANDING_GAP: Final = 0.45  # mm more that a support may be above the part on which it stands
 _MAX_CLEARANCE: Final = 1.28  # times the height at which a support would be as wide as others are
 _SAME_HEIGHT: Final = 0.02  # mm
 _ROUNDING: Final = 1e-4  # mm
@@ -84,16 +83,16 @@ def _find_in_part(
     height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
 ) -> Int:
     """Return the indices of the unsupported pieces that stay on the part, see `find_unsupported_pieces`."""
-    none = np.zeros(0, np.int64)
+    none, gap = np.zeros(0, np.int64), marks.gaps.above
     kernel = load_kernel()
     if kernel:
         level = kernel_level(moves, _find_removable(moves, marks), pieces, cell)
-        drop = 0.0 if marks.has_roles else _SUPPORT_GAP
-        return height_map.find_unsupported_with(kernel, level, support_gap=_SUPPORT_GAP, drop=drop)
+        drop = 0.0 if marks.has_roles else gap
+        return height_map.find_unsupported_with(kernel, level, support_gap=gap, drop=drop)
     lowest = pieces.z - moves.strand_diameter.take(pieces.move) * _MAX_SAG
     if not marks.has_roles:
-        lowest = lowest - _SUPPORT_GAP  # the layer below may be a support
-    is_supported = height_map.is_supported(cell, lowest, _SUPPORT_GAP) | (lowest <= 0)
+        lowest = lowest - gap  # the layer below may be a support
+    is_supported = height_map.is_supported(cell, lowest, gap) | (lowest <= 0)
     if is_supported.all():
         return none
     is_held = is_supported | _find_bridges(moves, pieces, is_supported)
@@ -122,7 +121,7 @@ def _find_in_supports(
         # Over a missing layer, an extrusion would be narrower than the others.
         width = median(section[beside] / clearance[beside])
         most = np.minimum(most, _MAX_CLEARANCE * section / width)
-    most = np.where(is_on_support | (top <= 0), most, most + _LANDING_GAP)
+    most = np.where(is_on_support | (top <= 0), most, most + marks.gaps.below)
     is_supported = clearance <= most + _ROUNDING
     if is_supported.all():
         return none
@@ -316,6 +315,7 @@ def unsupported_of_program(program: Program, profile: Profile) -> tuple[Unsuppor
         roles=change[is_new] + 1,
         names=role[is_new],
         removable=frozenset({int(Purpose.SUPPORT_MATERIAL)}),
+        gaps=SupportGaps.of(profile),
     )
     tracker = UnsupportedTracker(profile.printer.corners, profile.material.filament_area, marks)
     for first in range(0, program.n_moves, _MOVES_AT_ONCE):

@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.inspection.deposition.marks import marks_of
 from printer_slicer.inspection.deposition.record import Deposition
 from printer_slicer.inspection.deposition.recorder import DepositionRecorder
+from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
@@ -37,7 +38,7 @@ class DepositionObserver:
             profile.printer.corners,
             area,
             profile.max_flow,
-            marks_of(job.commands, job.text, job.marks, job.roles),
+            marks_of(job.commands, job.text, job.marks, job.roles, SupportGaps.of(profile)),
             profile.printer.head_shapes,
         )
 

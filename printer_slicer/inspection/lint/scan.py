@@ -15,6 +15,7 @@ from printer_slicer.gcode import Moves, read_moves_in_pieces
 from printer_slicer.gcode.commands import Effect, find_codes_as_text
 from printer_slicer.gcode.lexer import LintCommand, read_commands
 from printer_slicer.inspection.deposition.marks import marks_of
+from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.inspection.deposition.unsupported import UnsupportedTracker
 from printer_slicer.inspection.lint.heat import HeaterRules
 from printer_slicer.inspection.lint.motion import MoveChecker
@@ -188,7 +189,7 @@ def lint_text(
     content = split_sendable(name, text, streamed=streamed)
     pieces = read_moves_in_pieces(content.commands, printer.corners[0], dialect or FLAVOURS[printer.flavour])
     summary = JobSummary(limits_of(printer))
-    marks = marks_of(content.commands, text, content.marks, content.roles)
+    marks = marks_of(content.commands, text, content.marks, content.roles, SupportGaps.of(profile))
     tracker = UnsupportedTracker(printer.corners, profile.material.filament_area, marks)
     moves = map(summary.add, pieces)
     findings = scan(content.commands, profile, moves=moves, marks=content.marks, whole=True, tracker=tracker)

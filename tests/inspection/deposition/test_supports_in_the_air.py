@@ -8,14 +8,18 @@ import numpy as np
 import pytest
 
 from printer_slicer.arrays import Bool
+from printer_slicer.gcode import write_gcode
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connectivity import label_components
+from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, unsupported_of_program
+from printer_slicer.inspection.lint.scan import lint_text
 from printer_slicer.model import Program
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.values import replace
+from tests.parts import box, joined
 from tests.supports.shapes import bracket, hook, mushroom, sphere_on_bed, table, tee
 
 SHAPES = {
@@ -140,3 +144,23 @@ def test_a_planted_gap_is_found(name: str, style: str, seed: int) -> None:
 @pytest.mark.parametrize("name_and_style", [(name, style) for name in SHAPES for style in STYLES])
 def test_every_planted_gap_is_found(name_and_style: tuple[str, str], seed: int) -> None:
     check_gap(*name_and_style, seed)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_gaps_of_the_settings_are_not_air(style: str) -> None:
+    part = joined([tee(15.0, 25.0), box((60.0, 30.0, 1.0), (-30.0, -10.0, 0.0))])
+    gaps = {"support_gap": 1.0, "support_bottom_gap": 1.0}
+    profile = load_profile(quality="standard", changes={"support": style, **gaps})
+    program = slice_stages(part, profile).program
+
+    assert find_unsupported(program, profile) == ()
+    assert find_unsupported(program, load_profile(quality="standard")) != ()
+    job = lint_text("tee.gcode", write_gcode(program, profile), profile)
+    assert not [one for one in job.findings if one.code == "unsupported"]
+
+
+def test_gaps_of_overrides_count() -> None:
+    changes = {"overrides": [{"low": 2.0, "high": 5.0, "set": {"support_gap": 0.8}}]}
+
+    assert SupportGaps.of(load_profile(quality="standard")) == SupportGaps()
+    assert SupportGaps.of(load_profile(quality="standard", changes=changes)).above == pytest.approx(0.92)
