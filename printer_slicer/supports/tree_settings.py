@@ -53,6 +53,8 @@ class TreeSettings(Struct, frozen=True):
 
 
 _LARGEST_RATIO = 1.45  # branch radii; such a branch is still printed as a single loop
+_SMALLEST_RADIUS = 1.0  # extrusion widths; a branch is a loop, and no loop can be smaller
+_LEAST_DISTANCE = 3.0  # extrusion widths between joists; nearer ones leave no room between them
 _SLIMMEST = 35.0  # height by radius
 _NEAR_GAP = (
     0.2  # mm; a narrow strip under a slope is farther than this from the layer below, or no tip reaches it
@@ -72,6 +74,7 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         highest: z of the highest support, mm; high branches become thicker.
     """
     quality, width = profile.quality, profile.extrusion_width
+    tip_radius = max(quality.support_tip_diameter / 2, _SMALLEST_RADIUS * width)
     radius, xy_gap = quality.support_branch_diameter / 2, quality.support_xy_gap + _MORE_XY_GAP
     slope = min(tan(radians(quality.support_tree_angle_deg)), width / 2 / layer_height)
     return TreeSettings(
@@ -79,12 +82,12 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         bottom_gap=quality.support_bottom_gap,
         xy_gap=xy_gap,
         near_gap=min(_NEAR_GAP, xy_gap),
-        joist=quality.support_joist,
+        joist=max(quality.support_joist, _LEAST_DISTANCE * width),
         interface_layers=quality.support_interface_layers,
-        tip_distance=quality.support_tip_distance,
-        tip_radius=quality.support_tip_diameter / 2,
-        branch_radius=max(radius, quality.support_tip_diameter / 2),
-        largest_radius=max(_LARGEST_RATIO * radius, highest / _SLIMMEST),
+        tip_distance=max(quality.support_tip_distance, 2 * tip_radius),
+        tip_radius=tip_radius,
+        branch_radius=max(radius, tip_radius),
+        largest_radius=max(_LARGEST_RATIO * max(radius, tip_radius), highest / _SLIMMEST),
         growth=tan(radians(quality.support_branch_growth_deg)),
         slope=slope,
         slow_slope=min(tan(radians(quality.support_tree_slow_angle_deg)), slope),

@@ -322,3 +322,14 @@ def test_slopes_near_the_threshold_get_tips_at_any_layer_height(height: float) -
 
     assert supports is not None
     assert sum(place.area for place in supports.bare) <= 0.1 * 12 * 14
+
+
+def test_tips_are_no_thinner_and_no_closer_than_can_be_printed() -> None:
+    least = plain(
+        support_joist=0.5, support_tip_distance=0.5, support_tip_diameter=0.2, support_branch_diameter=0.5
+    )
+    width, limits = least.extrusion_width, read_tree_settings(least, 0.2, 30.0)
+
+    assert limits.joist == pytest.approx(3 * width)
+    assert limits.tip_distance >= 2 * limits.tip_radius
+    assert limits.branch_radius >= limits.tip_radius >= width
