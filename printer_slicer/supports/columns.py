@@ -45,6 +45,7 @@ _SLIMMEST: Final = 10.0  # height by width of a column that need not become wide
 _WIDE: Final = 5.0  # mm; wider columns need not become wider
 _WIDENING: Final = tan(radians(5.0))  # mm per mm of height
 _WIDENING_STEP: Final = 2.0  # mm of height after which a column becomes wider
+_NARROW_DEPTH: Final = 0.55  # mm below the contact of a strip, down to which it may become wide enough
 _LEAST_LOST: Final = 0.5  # mm²; smaller contacts that are lost are rounding
 _ROUNDING: Final = 1e-6  # mm
 _GROUND_DEPTH: Final = 0.6  # mm below a support layer, up to which the part carries it
@@ -165,12 +166,25 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
             column.area = simplify(close_gaps(area, _SMOOTHING), _RESOLUTION)
         wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
         if changed or wider or not found:
-            column.area = offset_open(difference(column.area, blocked.copy_layers(at)), _SLIVER)
+            area = difference(column.area, blocked.copy_layers(at))
+            column.area = offset_open(area, _SLIVER)
             chosen.append(layer)
             found.append((column.area, column.outline))
+            if float((area.area() - column.area.area()).sum()) > _LEAST_LOST:
+                column.area = union(column.area, intersection(area, _unite_recent(contacts, layer, layers)))
         entry[layer] = len(found) - 1
     area, outline = (_stack(areas) for areas in zip(*found, strict=True))
     return _straighten(area, outline, blocked.copy_layers(np.array(chosen))).copy_layers(entry)
+
+
+def _unite_recent(contacts: Areas, layer: int, layers: LayerPlan) -> Areas:
+    """Return the union of the contacts of a layer and of those shortly above it, as a stack of one layer.
+
+    Each strip below a steep slope may be narrower than an extrusion, but several of them are a column.
+    """
+    last = int(np.searchsorted(layers.top, layers.top[layer] + _NARROW_DEPTH, side="right"))
+    recent = contacts.copy_layers(np.arange(layer, last))
+    return normalize(recent.on_layers(np.zeros(last - layer, np.int64), 1))
 
 
 def _stack(areas: Sequence[Areas]) -> Areas:

@@ -7,13 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.support_parts import turned
 from printer_slicer.model import Bare, Mesh, Overhangs, Sections, Supports, Toolpaths
-from printer_slicer.profile import Profile
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
 from printer_slicer.supports.bare_places import BareReasons, list_bare_places
 from printer_slicer.supports.levels import plan_support_layers
 from printer_slicer.supports.styles import PrintedSupports, make_supports
-from tests.parts import box, joined
+from tests.parts import box, joined, prism
 from tests.supports.by_stages import prepared
 from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
 
@@ -135,3 +137,15 @@ def test_the_reason_for_large_places_needs_no_table_of_all_pairs() -> None:
 
     assert BareReasons((), removed).choose(points, 10.2) == "its support had nothing to stand on"
     assert BareReasons((), removed).choose(points + 60.0, 10.2) != "its support had nothing to stand on"
+
+
+@pytest.mark.parametrize("degrees", [34, 37, 39])
+def test_narrow_strips_below_steep_slopes_make_one_column(degrees: int) -> None:
+    outline = [(0, 0), (3, 0), (20, 17 * np.tan(np.radians(degrees))), (20, 40), (0, 40)]
+    slope = turned(prism(np.array(outline, np.float64), 20.0), (90.0, 0.0, 0.0))
+    profile = load_profile(quality="adaptive", changes={"support": "columns"})
+
+    supports = slice_stages(slope, profile).supports
+
+    assert supports is not None
+    assert not supports.bare
