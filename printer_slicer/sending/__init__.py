@@ -1,4 +1,4 @@
-"""Upload G-code to print servers such as OctoPrint, and start the print on request.
+"""Upload G-code to print servers such as OctoPrint, start the print on request, read its status, and cancel it.
 
 `SERVERS` holds one upload function for each kind of server. The module `connection` makes the HTTP requests.
 """
@@ -10,18 +10,32 @@ from typing import Final
 
 from printer_slicer.errors import UsageError
 from printer_slicer.sending.connection import Connection, Upload
-from printer_slicer.sending.duet import send_to_duet
-from printer_slicer.sending.moonraker import send_to_moonraker
-from printer_slicer.sending.octoprint import send_to_octoprint
-from printer_slicer.sending.prusalink import send_to_prusalink
+from printer_slicer.sending.duet import cancel_on_duet, read_duet_status, send_to_duet
+from printer_slicer.sending.moonraker import cancel_on_moonraker, read_moonraker_status, send_to_moonraker
+from printer_slicer.sending.octoprint import cancel_on_octoprint, read_octoprint_status, send_to_octoprint
+from printer_slicer.sending.prusalink import cancel_on_prusalink, read_prusalink_status, send_to_prusalink
+from printer_slicer.sending.remote_status import RemoteStatus
 
-__all__ = ["SERVERS", "Upload", "send"]
+__all__ = ["SERVERS", "RemoteStatus", "Upload", "cancel_remote_print", "read_remote_status", "send"]
 
 SERVERS: Final[Mapping[str, Callable[[Connection, Upload], str]]] = {
     "octoprint": send_to_octoprint,
     "moonraker": send_to_moonraker,
     "prusalink": send_to_prusalink,
     "duet": send_to_duet,
+}
+
+_STATUS_READERS: Final[Mapping[str, Callable[[Connection], RemoteStatus]]] = {
+    "octoprint": read_octoprint_status,
+    "moonraker": read_moonraker_status,
+    "prusalink": read_prusalink_status,
+    "duet": read_duet_status,
+}
+_CANCELLERS: Final[Mapping[str, Callable[[Connection], None]]] = {
+    "octoprint": cancel_on_octoprint,
+    "moonraker": cancel_on_moonraker,
+    "prusalink": cancel_on_prusalink,
+    "duet": cancel_on_duet,
 }
 
 
@@ -49,10 +63,45 @@ def send(
         PortError: the server cannot be reached, is of another kind, rejects the key or the file, or does not start the
             print.
     """
+    _check_kind(kind)
+    upload.open().close()  # fails before a session is opened if the file cannot be read
+    with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
+        return SERVERS[kind](connection, upload)
+
+
+def read_remote_status(
+    kind: str, url: str, *, key: str = "", user: str = "", timeout: float = 10.0
+) -> RemoteStatus:
+    """Read what the printer behind a print server does; arguments as for `send`.
+
+    Raises:
+        UsageError: the kind or the address is invalid.
+        PortError: the server cannot be reached, is of another kind, or rejects the key.
+    """
+    _check_kind(kind)
+    with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
+        return _STATUS_READERS[kind](connection)
+
+
+def cancel_remote_print(kind: str, url: str, *, key: str = "", user: str = "", timeout: float = 10.0) -> None:
+    """Cancel the print that runs on a print server; arguments as for `send`.
+
+    Raises:
+        UsageError: the kind or the address is invalid.
+        PortError: the server cannot be reached, rejects the key, or prints nothing.
+    """
+    _check_kind(kind)
+    with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
+        _CANCELLERS[kind](connection)
+
+
+def _check_kind(kind: str) -> None:
+    """Check a kind of server.
+
+    Raises:
+        UsageError: it is unknown.
+    """
     if kind not in SERVERS:
         raise UsageError(
             f"--to {kind}: unknown kind of server", remedy=f"Choose one of: {', '.join(SERVERS)}"
         )
-    upload.open().close()  # fails before a session is opened if the file cannot be read
-    with Connection(url, kind, key=key, user=user, timeout=timeout) as connection:
-        return SERVERS[kind](connection, upload)

@@ -1,21 +1,33 @@
-"""Upload a file to a Duet with RepRapFirmware, standalone or with a single-board computer.
+"""Upload a file to a Duet, and read and cancel its print: standalone, or with a single-board computer.
 
 Source: the RepRapFirmware wiki, "HTTP requests" (`rr_...`), and Duet Software Framework, "REST API" (`/machine/...`).
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
 from urllib.parse import quote
 from zlib import crc32
 
 from printer_slicer.errors import PortError
 from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
-__all__ = ["send_to_duet"]
+__all__ = ["cancel_on_duet", "read_duet_status", "send_to_duet"]
 
 _DEFAULT_FOLDER: Final = "gcodes"
 _CHUNK: Final = 1 << 20
+_STATES: Final[dict[str, RemoteState]] = {
+    **dict.fromkeys(
+        ("processing", "resuming", "changingTool", "busy", "cancelling", "simulating"), "printing"
+    ),
+    **dict.fromkeys(("paused", "pausing"), "paused"),
+    **dict.fromkeys(("off", "disconnected", "starting", "updating"), "offline"),
+    "halted": "error",
+}
+"""`state.status` of the object model -> our state; the printer is idle in all others."""
 
 
 def send_to_duet(connection: Connection, upload: Upload) -> str:
@@ -26,22 +38,98 @@ def send_to_duet(connection: Connection, upload: Upload) -> str:
     """
     folder = upload.folder.strip("/") or _DEFAULT_FOLDER
     place = f"0:/{folder}/{upload.name}"
-    answer = connection.request("GET", "/rr_connect", params={"password": connection.key or "reprap"})
-    if answer.status_code == 404:
-        _upload_to_framework(connection, upload, place)
-        return place
+    with _open_session(connection) as is_standalone:
+        if is_standalone:
+            _upload_standalone(connection, upload, place)
+        else:
+            _upload_to_framework(connection, upload, place)
+    return place
+
+
+def read_duet_status(connection: Connection) -> RemoteStatus:
+    """Read what a Duet does.
+
+    Raises:
+        PortError: the Duet does not answer, or rejects the password.
+    """
+    with _open_session(connection) as is_standalone:
+        if is_standalone:
+            state, job = (
+                _read_model(connection, f"/rr_model?key={key}").get("result") for key in ("state", "job")
+            )
+        else:
+            model = _read_model(connection, "/machine/model")
+            state, job = model.get("state"), model.get("job")
+    return _make_status(state or {}, job or {})
+
+
+def _read_model(connection: Connection, path: str) -> dict[str, Any]:
+    """Read the object model, or a part of it."""
+    answer = connection.request("GET", path)
+    if answer.status_code != 200:
+        raise make_rejection_error(connection, answer, "the status could not be read")
+    return connection.parse_json(answer)
+
+
+def _make_status(state: dict[str, Any], job: dict[str, Any]) -> RemoteStatus:
+    """Return the status that `state` and `job` of the object model describe."""
+    text = str(state.get("status", ""))
+    file = job.get("file") or {}
+    is_active = _STATES.get(text, "idle") in {"printing", "paused"}
+    last = str(job.get("lastFileName") or "")
+    aborted = bool(job.get("lastFileAborted") or job.get("lastFileCancelled"))
+    return RemoteStatus(
+        _STATES.get(text, "idle"),
+        file=str(file.get("fileName") or "") if is_active else last,
+        share=parse_share(job.get("filePosition"), file.get("size") or 1) if is_active else None,
+        is_complete=None if is_active or not last else not aborted,
+        message=text,
+    )
+
+
+def cancel_on_duet(connection: Connection) -> None:
+    """Cancel the print that runs on a Duet: pause it (M25), then end it (M0).
+
+    Raises:
+        PortError: the Duet does not answer, or rejects the password.
+    """
+    with _open_session(connection) as is_standalone:
+        for code in ("M25", "M0"):
+            answer = (
+                connection.request("GET", "/rr_gcode", params={"gcode": code})
+                if is_standalone
+                else connection.request("POST", "/machine/code", content=code.encode())
+            )
+            if answer.status_code != 200:
+                raise make_rejection_error(connection, answer, "the print was not cancelled")
+
+
+@contextmanager
+def _open_session(connection: Connection) -> Iterator[bool]:
+    """Open a session within a `with` block; yield whether the Duet works without a single-board computer.
+
+    Raises:
+        PortError: the Duet does not answer, rejects the password, or has no free session.
+    """
+    password = {"password": connection.key or "reprap"}
+    answer = connection.request("GET", "/rr_connect", params=password)
+    if is_framework := answer.status_code == 404:
+        answer = connection.request("GET", "/machine/connect", params=password)
     if answer.status_code != 200:
         raise make_rejection_error(connection, answer, "the request for a session failed")
     answered = connection.parse_json(answer)
+    if is_framework:
+        connection.set_headers({"X-Session-Key": str(answered.get("sessionKey", ""))})
+        yield False
+        return
     if answered.get("err") != 0:
         raise _make_session_error(connection, answered.get("err"))
     if "sessionKey" in answered:
         connection.set_headers({"X-Session-Key": str(answered["sessionKey"])})
     try:
-        _upload_standalone(connection, upload, place)
+        yield True
     finally:
         connection.request("GET", "/rr_disconnect")
-    return place
 
 
 def _upload_standalone(connection: Connection, upload: Upload, place: str) -> None:
@@ -65,10 +153,6 @@ def _upload_standalone(connection: Connection, upload: Upload, place: str) -> No
 
 def _upload_to_framework(connection: Connection, upload: Upload, place: str) -> None:
     """Upload a file through the Duet Software Framework; start the print with M32 if requested."""
-    answer = connection.request("GET", "/machine/connect", params={"password": connection.key or "reprap"})
-    if answer.status_code != 200:
-        raise make_rejection_error(connection, answer, "the request for a session failed")
-    connection.set_headers({"X-Session-Key": str(connection.parse_json(answer).get("sessionKey", ""))})
     done = connection.upload_file("PUT", f"/machine/file/{quote(place)}", upload)
     if done.status_code not in {200, 201}:
         raise make_rejection_error(connection, done, f"{upload.name} was not accepted")

@@ -1,16 +1,22 @@
-"""Upload a file to Moonraker.
+"""Upload a file to Moonraker, and read and cancel its print.
 
-Source: documentation of Moonraker, "External API: File management, Server administration, Authorization".
+Source: documentation of Moonraker, "External API: File management, Printer administration, Server administration,
+Authorization".
 """
 
 from __future__ import annotations
 
 from hashlib import file_digest
+from typing import Final
 
 from printer_slicer.errors import PortError
 from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
-__all__ = ["send_to_moonraker"]
+__all__ = ["cancel_on_moonraker", "read_moonraker_status", "send_to_moonraker"]
+
+_STATES: Final[dict[str, RemoteState]] = {"printing": "printing", "paused": "paused", "error": "error"}
+"""State of Klipper's `print_stats` -> our state; the printer is idle in all others."""
 
 
 def send_to_moonraker(connection: Connection, upload: Upload) -> str:
@@ -19,8 +25,7 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
     Raises:
         PortError: the upload or the start of the print failed.
     """
-    if connection.key:
-        connection.set_headers({"X-Api-Key": connection.key})
+    _log_in(connection)
     info = connection.request("GET", "/server/info")
     if info.status_code != 200:
         raise make_rejection_error(connection, info, "the version query failed")
@@ -57,3 +62,46 @@ def send_to_moonraker(connection: Connection, upload: Upload) -> str:
             remedy="Check whether another print is running",
         )
     return place
+
+
+def read_moonraker_status(connection: Connection) -> RemoteStatus:
+    """Read what the printer behind Moonraker does.
+
+    Raises:
+        PortError: Moonraker does not answer, or rejects the key.
+    """
+    _log_in(connection)
+    answer = connection.request("GET", "/printer/objects/query?print_stats&virtual_sdcard")
+    if answer.status_code == 503:
+        return RemoteStatus("offline", message="Klipper is not ready")
+    if answer.status_code != 200:
+        raise make_rejection_error(connection, answer, "the status could not be read")
+    found = (connection.parse_json(answer).get("result") or {}).get("status") or {}
+    statistics = found.get("print_stats") or {}
+    text = str(statistics.get("state", ""))
+    ended = text in {"complete", "cancelled", "error"}
+    return RemoteStatus(
+        _STATES.get(text, "idle"),
+        file=str(statistics.get("filename") or ""),
+        share=parse_share((found.get("virtual_sdcard") or {}).get("progress")),
+        is_complete=text == "complete" if ended else None,
+        message=str(statistics.get("message") or text),
+    )
+
+
+def cancel_on_moonraker(connection: Connection) -> None:
+    """Cancel the print that runs in Moonraker.
+
+    Raises:
+        PortError: Moonraker does not answer, rejects the key, or prints nothing.
+    """
+    _log_in(connection)
+    answer = connection.request("POST", "/printer/print/cancel")
+    if answer.status_code != 200:
+        raise make_rejection_error(connection, answer, "the print was not cancelled")
+
+
+def _log_in(connection: Connection) -> None:
+    """Send the API key with all further requests."""
+    if connection.key:
+        connection.set_headers({"X-Api-Key": connection.key})

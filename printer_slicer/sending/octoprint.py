@@ -1,6 +1,6 @@
-"""Upload a file to OctoPrint.
+"""Upload a file to OctoPrint, and read and cancel its print.
 
-Source: documentation of OctoPrint, "REST API: File operations", "Version information".
+Source: documentation of OctoPrint, "REST API: File operations", "Job operations", "Version information".
 """
 
 from __future__ import annotations
@@ -9,8 +9,9 @@ from typing import Final
 
 from printer_slicer.errors import PortError
 from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
-__all__ = ["send_to_octoprint"]
+__all__ = ["cancel_on_octoprint", "read_octoprint_status", "send_to_octoprint"]
 
 _BUSY_STATES: Final = ("Printing", "Starting", "Sending", "Paus", "Resum", "Cancel", "Finish", "Transfer")
 _OFFLINE_STATES: Final = ("Offline", "Closed", "Opening", "Detecting", "Connecting")
@@ -23,8 +24,7 @@ def send_to_octoprint(connection: Connection, upload: Upload) -> str:
     Raises:
         PortError: the upload or the start of the print failed.
     """
-    if connection.key:
-        connection.set_headers({"X-Api-Key": connection.key})
+    _log_in(connection)
     version = connection.request("GET", "/api/version")
     if version.status_code != 200:
         raise make_rejection_error(connection, version, "the version query failed")
@@ -56,3 +56,52 @@ def _choose_remedy(connection: Connection) -> str:
     if not state or state.startswith(_OFFLINE_STATES):
         return "Connect OctoPrint to its printer and start the print there"
     return f"Check the printer in OctoPrint (its state is {state!r}) and start the print there"
+
+
+def read_octoprint_status(connection: Connection) -> RemoteStatus:
+    """Read what the printer behind OctoPrint does.
+
+    Raises:
+        PortError: OctoPrint does not answer, or rejects the key.
+    """
+    _log_in(connection)
+    answer = connection.request("GET", "/api/job")
+    if answer.status_code != 200:
+        raise make_rejection_error(connection, answer, "the status could not be read")
+    found = connection.parse_json(answer)
+    text = str(found.get("state", ""))
+    share = parse_share((found.get("progress") or {}).get("completion"), 100)
+    state: RemoteState = "idle"
+    if text.startswith(("Paus", "Resum")):
+        state = "paused"
+    elif text.startswith(_BUSY_STATES):
+        state = "printing"
+    elif text.startswith(_OFFLINE_STATES):
+        state = "offline"
+    elif "rror" in text:
+        state = "error"
+    return RemoteStatus(
+        state,
+        file=str(((found.get("job") or {}).get("file") or {}).get("path") or ""),
+        share=share,
+        is_complete=None if share is None or state in {"printing", "paused"} else share == 1,
+        message=str(found.get("error") or text),
+    )
+
+
+def cancel_on_octoprint(connection: Connection) -> None:
+    """Cancel the print that runs in OctoPrint.
+
+    Raises:
+        PortError: OctoPrint does not answer, rejects the key, or prints nothing.
+    """
+    _log_in(connection)
+    answer = connection.request("POST", "/api/job", json={"command": "cancel"})
+    if answer.status_code != 204:
+        raise make_rejection_error(connection, answer, "the print was not cancelled")
+
+
+def _log_in(connection: Connection) -> None:
+    """Send the API key with all further requests."""
+    if connection.key:
+        connection.set_headers({"X-Api-Key": connection.key})

@@ -75,7 +75,7 @@ class Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         self.handle_all()
 
-    do_POST = do_PUT = do_GET  # noqa: N815 - the names that http.server calls
+    do_POST = do_PUT = do_DELETE = do_GET  # noqa: N815 - the names that http.server calls
 
     def handle_all(self) -> None:
         raise NotImplementedError

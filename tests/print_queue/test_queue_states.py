@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from shutil import rmtree
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, seed, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
+from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
 from queue_world import World, make_folder
 
 from printer_slicer.errors import UsageError
-from tests.effort import examples
+from tests.effort import examples, few_of
 
 PRINTER = st.sampled_from(["left", "right"])
 NTH = st.integers(0, 5)
@@ -99,17 +99,19 @@ def finish(world: World) -> None:
     raise AssertionError(f"never printed: {world.waiting()}")
 
 
-QueueMachine.TestCase.settings = settings(
-    max_examples=examples(100, 10_000),
-    stateful_step_count=30,
-    deadline=None,
-    suppress_health_check=list(HealthCheck),
-)
-
-
 @pytest.mark.hypothesis
-class TestQueueStates(QueueMachine.TestCase):  # type: ignore[misc, name-defined]
-    """The machine above as a test."""
+@pytest.mark.parametrize("part", few_of(range(20), 1))
+def test_no_order_of_events_prints_onto_a_part_or_a_job_twice_or_never(part: int) -> None:
+    """10 000 random orders in `just thorough`."""
+    run_state_machine_as_test(
+        seed(part)(QueueMachine),
+        settings=settings(
+            max_examples=examples(100, 500),
+            stateful_step_count=30,
+            deadline=None,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
 
 
 @pytest.fixture
