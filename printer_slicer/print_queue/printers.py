@@ -1,7 +1,7 @@
 """The printers that the queue prints on, from the file `printers.toml`.
 
-Each table of the file is a printer. Its key `port` names a serial device, a pyserial URL, or `sim:` for a simulated
-printer; `profile` names its printer profile.
+Each table of the file is a printer. Its key `port` names a serial device, a pyserial URL, `sim:` for a simulated
+printer, or a print server such as `octoprint:http://octopi.local`; `profile` names its printer profile.
 """
 
 from __future__ import annotations
@@ -18,12 +18,23 @@ from printer_slicer.texts import describe_type
 from printer_slicer.toml_text import MOST_BYTES, TomlError, parse_toml
 from printer_slicer.values import Struct
 
-__all__ = ["SIMULATED", "PrinterEntry", "find_printers_file", "parse_printers", "read_printers"]
+__all__ = [
+    "SERVER_KINDS",
+    "SIMULATED",
+    "PrinterEntry",
+    "find_printers_file",
+    "parse_printers",
+    "read_printers",
+]
 
 SIMULATED: Final = "sim:"
 """The port that stands for a simulated printer."""
 
+SERVER_KINDS: Final = ("octoprint", "moonraker", "prusalink", "duet")
+"""Kinds of print servers, as in `sending.SERVERS`, whose module is slow to import."""
+
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_SERVER_EXAMPLE: Final = '"octoprint:http://octopi.local"'
 _EXAMPLE: Final = '[left]\\nport = "/dev/ttyUSB0"\\nprofile = "prusa_mk4"'
 
 
@@ -32,13 +43,15 @@ class PrinterEntry(Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: name of its table.
-        port: serial device, pyserial URL, or `sim:` for a simulated printer.
+        port: serial device, pyserial URL, `sim:` for a simulated printer, or `KIND:URL` for a print server.
         profile: name of the printer profile.
         material: name of the material profile that is loaded, unless a person has named another one since.
         groups: names that jobs may use instead of its own name.
         baud: baud rate; 0: that of the profile.
         reconnect: time to wait for a printer that was disconnected, s.
         guard: time after which a second process switches the heaters off if the print process has died, s.
+        key_file: of a print server, file with its API key or password; empty: none.
+        user: of a print server, user name that belongs to the password.
         speed: of a simulated printer, simulated seconds per second; 0: as fast as possible.
     """
 
@@ -50,12 +63,20 @@ class PrinterEntry(Struct, frozen=True, kw_only=True):
     baud: int = 0
     reconnect: float = 30.0
     guard: float = 120.0
+    key_file: str = ""
+    user: str = ""
     speed: float = 1.0
 
     @property
     def is_simulated(self) -> bool:
         """Whether the printer is simulated."""
         return self.port == SIMULATED
+
+    @property
+    def server(self) -> tuple[str, str] | None:
+        """Kind and address of the print server; None for a port."""
+        kind, _, url = self.port.partition(":")
+        return (kind, url) if kind in SERVER_KINDS else None
 
 
 _TYPES: Final[Mapping[str, type]] = {
@@ -66,6 +87,8 @@ _TYPES: Final[Mapping[str, type]] = {
     "baud": int,
     "reconnect": float,
     "guard": float,
+    "key_file": str,
+    "user": str,
     "speed": float,
 }
 _REQUIRED: Final = ("port", "profile")
@@ -150,7 +173,13 @@ def _parse_entry(name: str, table: object) -> PrinterEntry:
             f"{name}: speed is for simulated printers only",
             remedy=f'Remove it, or set port = "{SIMULATED}"',
         )
-    return PrinterEntry(name=name, **values)
+    entry = PrinterEntry(name=name, **values)
+    if entry.server is None and (given := [key for key in ("key_file", "user") if key in values]):
+        raise UsageError(
+            f"{name}: {given[0]} is for print servers only",
+            remedy=f"Remove it, or set port to {_SERVER_EXAMPLE}",
+        )
+    return entry
 
 
 def _convert(name: str, key: str, value: object) -> Any:

@@ -4,6 +4,7 @@
     lock          locked by the process from its start to its end
     claim         created once, by the process before it opens the port, or by a supervisor that finds no process
     ready.json    written by the process when the print can be controlled
+    cancel        created when a person asks for the end of a print on a print server
     result.json   written by the process at its end
     log           its output
 
@@ -32,9 +33,11 @@ __all__ = [
     "RunReport",
     "RunResult",
     "create_run_folder",
+    "is_end_requested",
     "lock_run",
     "read_instructions",
     "read_report",
+    "request_end",
     "try_to_claim",
     "write_result",
 ]
@@ -42,6 +45,7 @@ __all__ = [
 READY_FILE: Final = "ready.json"
 LOG_FILE: Final = "log"
 _INSTRUCTIONS_FILE, _LOCK_FILE, _CLAIM_FILE, _RESULT_FILE = "run.json", "lock", "claim", "result.json"
+_CANCEL_FILE: Final = "cancel"
 _LOCK_TIMEOUT: Final = 30.0  # s; others hold the lock only to see whether it is free
 
 
@@ -137,6 +141,17 @@ def try_to_claim(folder: Path) -> bool:
     finally:
         os.close(handle)
     return True
+
+
+def request_end(folder: Path) -> None:
+    """Ask the process of a run to cancel its print on a print server."""
+    with suppress(OSError):
+        (folder / _CANCEL_FILE).touch(mode=0o600)
+
+
+def is_end_requested(folder: Path) -> bool:
+    """Return whether a person has asked for the end of the print."""
+    return (folder / _CANCEL_FILE).exists()
 
 
 def write_result(folder: Path, result: RunResult) -> None:

@@ -21,6 +21,7 @@ from printer_slicer.print_queue.run_folder import (
     READY_FILE,
     RunInstructions,
     RunResult,
+    is_end_requested,
     lock_run,
     read_instructions,
     try_to_claim,
@@ -97,7 +98,8 @@ def _load_run(folder: Path) -> _Run:
     profile = load_profile(printer.profile, instructions.material, slices=False)
     path = Path(instructions.file)
     text = read_input(path, path.stat().st_size + 1)
-    job = lint_text(instructions.name, text, profile).allowing(instructions.allow)
+    is_streamed = printer.server is None
+    job = lint_text(instructions.name, text, profile, streamed=is_streamed).allowing(instructions.allow)
     return _Run(folder, instructions, printer, job, profile)
 
 
@@ -107,6 +109,8 @@ def _print(run: _Run) -> RunResult:
     Raises:
         PrinterSlicerError: as `print_job`.
     """
+    if run.printer.server is not None:
+        return _print_on_server(run)
     with _simulate_printer(run) if run.printer.is_simulated else nullcontext(run.printer.port) as port:
         done = _print_on_port(run, port)
     if done.verified is False:
@@ -134,6 +138,22 @@ def _print_on_port(run: _Run, port: str) -> PrintResult:
         guard=run.printer.guard,
         allow=make_command_check(run.profile, run.job.allowed),
         on_ready=partial(write_ready_file, run.folder / READY_FILE),
+    )
+
+
+def _print_on_server(run: _Run) -> RunResult:
+    """Print a job on a print server."""
+    from printer_slicer.diagnostics import raise_on_errors  # noqa: PLC0415 - for print servers only
+    from printer_slicer.print_queue.remote_print import RemotePrinter, print_remotely  # noqa: PLC0415 - slow
+    from printer_slicer.printing.detached import write_ready_file  # noqa: PLC0415 - slow
+
+    raise_on_errors(run.job.findings, run.job.allowed, name=run.job.name)
+    return print_remotely(
+        RemotePrinter(run.printer),
+        Path(run.instructions.file),
+        f"{run.folder.name}.gcode",
+        is_cancelled=lambda: is_end_requested(run.folder),
+        on_start=lambda: write_ready_file(run.folder / READY_FILE, run.folder),
     )
 
 

@@ -33,6 +33,7 @@ from printer_slicer.print_queue.run_folder import (
     RunResult,
     create_run_folder,
     read_report,
+    request_end,
     try_to_claim,
 )
 from printer_slicer.printing.control_socket import send_control_command
@@ -92,13 +93,14 @@ def request_cancellation(queue: PrintQueue, job: int) -> None:
     """Ask the print of a cancelled job to end now; if it does not answer yet, the supervisor asks it later."""
     for run in queue.list_active_runs():
         if run.job == job and run.is_cancelling:
-            _send_cancel(default_job_store() / run.id)
+            _request_end(queue.find_run_folder(run.id), default_job_store() / run.id)
 
 
-def _send_cancel(folder: Path) -> None:
-    """Ask a print to end, if it answers."""
+def _request_end(run_folder: Path, print_folder: Path) -> None:
+    """Ask a print to end: one on a port if it answers, one on a print server when it looks next."""
+    request_end(run_folder)
     with suppress(PortError):
-        send_control_command(folder, "cancel", timeout=_CANCEL_TIMEOUT)
+        send_control_command(print_folder, "cancel", timeout=_CANCEL_TIMEOUT)
 
 
 class Supervisor:
@@ -173,7 +175,7 @@ class Supervisor:
                 self._queue.mark_printing(run.id)
                 self._on_change(f"{run.printer}: job {run.job} is printing")
             if run.is_cancelling:
-                _send_cancel(self._job_store / run.id)
+                _request_end(folder, self._job_store / run.id)
 
     def _settle(self, run: PrintRun, folder: Path) -> RunReport:
         """Return what the folder of a run says; a run without a process is claimed, so that it never starts."""
