@@ -77,7 +77,7 @@ def _read_key(file: str) -> str:
         ) from None
 
 
-def print_remotely(
+def print_remotely(  # noqa: PLR0913 - two are for tests
     printer: RemotePrinter,
     path: Path,
     name: str,
