@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, intersection, split_connected
+from printer_slicer.model import Bare
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.stages import Stages
@@ -17,7 +19,7 @@ __all__ = [
     "collect_overhang_facts",
     "format_overhang_sentences",
     "list_blocked_island_warnings",
-    "list_unused_enforcer_warnings",
+    "list_unused_volume_warnings",
 ]
 
 _MOST_PLACES: Final = 3  # places of each kind that are listed
@@ -63,16 +65,19 @@ def list_blocked_island_warnings(stages: Stages) -> list[str]:
     return warnings
 
 
-def list_unused_enforcer_warnings(stages: Stages, profile: Profile) -> list[str]:
-    """Return warnings about support enforcers, and about painted facets, within which nothing hangs."""
+def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
+    """Return warnings about support enforcers, blockers and painted facets that have no effect."""
     volumes, found = stages.part.all_volumes, stages.overhangs
     if volumes is None or found is None or list_support_styles(profile) == {"off"}:
         return []
     warnings = []
-    for place in found.idle_enforcers[:_MOST_PLACES]:
-        x, y, z = (np.array([place.x, place.y, place.z]) + stages.shift).tolist()
-        where = f"{x:.1f}, {y:.1f}, {z:.1f}"
-        warnings.append(f"nothing hangs within the support enforcer at x, y, z {where}, so it has no effect")
+    if volumes.enforce is not None:
+        warnings += _list_idle_warnings(
+            found.idle_enforcers, "nothing hangs within the support enforcer", stages
+        )
+    if volumes.block is not None and not len(volumes.blocked_facets):
+        reason = "nothing would get supports within the support blocker"
+        warnings += _list_idle_warnings(found.idle_blockers, reason, stages)
     if volumes.enforce is None and len(volumes.enforced_facets):
         from printer_slicer.slicing import cut_volumes
 
@@ -82,6 +87,12 @@ def list_unused_enforcer_warnings(stages: Stages, profile: Profile) -> list[str]
                 "nothing hangs at the facets that are painted for supports, so they have no effect"
             )
     return warnings
+
+
+def _list_idle_warnings(idle: Sequence[Bare], reason: str, stages: Stages) -> list[str]:
+    """Return a warning about each of the first enforcers or blockers without effect."""
+    places = [(np.array([one.x, one.y, one.z]) + stages.shift).tolist() for one in idle[:_MOST_PLACES]]
+    return [f"{reason} at x, y, z {x:.1f}, {y:.1f}, {z:.1f}, so it has no effect" for x, y, z in places]
 
 
 def _list_largest(areas: Areas, z: Float, shift: Float) -> list[dict[str, float]]:

@@ -28,6 +28,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
         is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
         blocked: islands that get no support because a support blocker covers them.
         idle_enforcers: connected support enforcers within which nothing hangs, so that they have no effect.
+        idle_blockers: connected support blockers within which nothing would get a support.
     """
 
     plan: LayerPlan
@@ -38,6 +39,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
     is_flat: Bool
     blocked: tuple[Bare, ...] = ()
     idle_enforcers: tuple[Bare, ...] = ()
+    idle_blockers: tuple[Bare, ...] = ()
 
     def __post_init__(self) -> None:
         force_setattr(self, "ring_patch", frozen_array(self.ring_patch, np.int64, (self.area.n_rings,)))
@@ -75,9 +77,16 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
             for name in ("area", "islands", "bridged")
         }
         blocked = tuple(place for part in parts for place in part.blocked)
-        idle = tuple(place for part in parts for place in part.idle_enforcers)
+        enforcers = tuple(place for part in parts for place in part.idle_enforcers)
+        blockers = tuple(place for part in parts for place in part.idle_blockers)
         return cls(
-            plan, ring_patch=patch[order], is_flat=is_flat, blocked=blocked, idle_enforcers=idle, **stacks
+            plan,
+            ring_patch=patch[order],
+            is_flat=is_flat,
+            blocked=blocked,
+            idle_enforcers=enforcers,
+            idle_blockers=blockers,
+            **stacks,
         )
 
     @property

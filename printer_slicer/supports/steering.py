@@ -21,6 +21,7 @@ _SLIVER: Final = (
 )
 _BLOCKED: Final = "a support blocker covers it"
 _IDLE: Final = "nothing hangs within this support enforcer"
+_IDLE_BLOCKER: Final = "no supports are needed within this support blocker"
 _NOT_ENFORCED: Final = "supports are made only in enforced places"
 
 
@@ -41,7 +42,8 @@ def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, qua
     if not (volumes.enforce.n_rings or volumes.block.n_rings or only_enforced):
         return overhangs
     plan, enforced = overhangs.plan, _find_enforced(sections.solid, volumes.enforce)
-    hanging = difference(enforced if only_enforced else union(overhangs.area, enforced), volumes.block)
+    supported = enforced if only_enforced else union(overhangs.area, enforced)
+    hanging = difference(supported, volumes.block)
     # All of it is kept: small patches were dropped before, unless they are enforced.
     step = compute_steps(plan, quality.support_threshold_deg)
     area, patch = join_patches(hanging, hanging, Areas.empty(plan.n_layers), step, quality)
@@ -59,7 +61,8 @@ def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, qua
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
         blocked=(*overhangs.blocked, *blocked),
-        idle_enforcers=_list_idle(volumes.enforce, enforced, overhangs, quality),
+        idle_enforcers=_list_idle(volumes.enforce, enforced, quality, plan, _IDLE),
+        idle_blockers=_list_idle(volumes.block, supported, quality, plan, _IDLE_BLOCKER),
     )
 
 
@@ -82,6 +85,7 @@ def select_overhangs(overhangs: Overhangs, place: Areas, quality: Quality, *, in
         is_flat=mark_flat_layers(area, patch),
         blocked=() if inside else overhangs.blocked,
         idle_enforcers=() if inside else overhangs.idle_enforcers,
+        idle_blockers=() if inside else overhangs.idle_blockers,
     )
 
 
@@ -92,15 +96,16 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
     return offset_open(hangs.of_layers(~on_bed), _SLIVER)
 
 
-def _list_idle(enforce: Areas, enforced: Areas, overhangs: Overhangs, quality: Quality) -> tuple[Bare, ...]:
-    """List the connected enforcers without anything that hangs, at the middle of their lowest section."""
-    plan = overhangs.plan
+def _list_idle(
+    volumes: Areas, hanging: Areas, quality: Quality, plan: LayerPlan, reason: str
+) -> tuple[Bare, ...]:
+    """List the connected volumes without anything that hangs, at the middle of their lowest section."""
     step = compute_steps(plan, quality.support_threshold_deg)
-    area, patch = join_patches(enforce, enforce, Areas.empty(plan.n_layers), step, quality)
+    area, patch = join_patches(volumes, volumes, Areas.empty(plan.n_layers), step, quality)
     if not area.n_rings:
         return ()
     pieces = split_connected(area)
-    in_use = intersection(pieces.areas, enforced.copy_layers(pieces.layer)).area() > 0
+    in_use = intersection(pieces.areas, hanging.copy_layers(pieces.layer)).area() > 0
     of_piece = np.zeros(pieces.count, np.int64)
     is_known = pieces.of_ring >= 0
     of_piece[pieces.of_ring[is_known]] = patch[is_known]
@@ -109,7 +114,7 @@ def _list_idle(enforce: Areas, enforced: Areas, overhangs: Overhangs, quality: Q
     size, (low, high) = pieces.areas.area(), pieces.areas.boxes()
     places = ((low + high) / 2)[first].tolist()
     return tuple(
-        Bare(x, y, float(plan.bottom[pieces.layer[piece]]), float(size[piece]), _IDLE)
+        Bare(x, y, float(plan.bottom[pieces.layer[piece]]), float(size[piece]), reason)
         for (x, y), piece in zip(places, first, strict=True)
     )
 

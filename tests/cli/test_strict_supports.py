@@ -120,3 +120,12 @@ def test_supports_are_no_remedy_where_they_are_on(folder: Path) -> None:
     said = [" ".join(outcome.err.split()) for outcome in (none, kept)]
     assert all("of unsupported extrusion" in text for text in said)
     assert ["print supports with --supports" in text for text in said] == [True, False]
+
+
+def test_blockers_without_effect_are_reported(folder: Path) -> None:
+    words = (folder / "tee.stl", "-o", folder / "x.gcode", "--supports", "columns", *QUICK)
+    outcome = typed("slice", *words, "--support-blocker", folder / "low.stl")
+
+    said = " ".join(outcome.err.split())
+    assert "nothing would get supports within the support blocker at x, y, z" in said
+    assert "blocker" not in typed("slice", *words, "--support-blocker", folder / "all.stl").err

@@ -199,6 +199,9 @@ def test_painted_facets_without_supports_are_reported(folder: Path) -> None:
     path = write(folder, three_mf(text), "painted.3mf")
     words = ("slice", path, "-o", folder / "x.gcode", *QUICK)
 
+    columns = typed(*words, "--supports", "columns").err
+    assert "nothing hangs at the facets that are painted for supports" in " ".join(columns.split())
+    assert "enforcer" not in columns
     assert "facets painted for supports, but supports are off" in " ".join(typed(*words).err.split())
     for name in ("support", "quality.support"):
         assert "supports are off" not in typed(*words, "--set-for", f"lid:{name}=columns").err

@@ -328,13 +328,13 @@ def _list_late_warnings(
     """Return the warnings that only slicing shows."""
     from printer_slicer.cli.overhang_facts import (
         list_blocked_island_warnings,
-        list_unused_enforcer_warnings,
+        list_unused_volume_warnings,
     )
 
     return [
         *_list_unsupported_warnings(unsupported, profile),
         *list_blocked_island_warnings(stage),
-        *list_unused_enforcer_warnings(stage, profile),
+        *list_unused_volume_warnings(stage, profile),
         *_list_unused_range_warnings(profile, stage.sections.plan),
     ]
 
