@@ -14,7 +14,7 @@ from printer_slicer.inspection.coverage.layer_extrusions import LayerExtrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.roles import Role
 
-__all__ = ["EDGE_BRIGHTNESS", "TRAVEL_COLOUR", "TRAVEL_DASH", "draw_legend", "find_kinds"]
+__all__ = ["EDGE_BRIGHTNESS", "TRAVEL_COLOUR", "TRAVEL_DASH", "draw_legend", "find_kinds", "name_kind"]
 
 TRAVEL_COLOUR: Final = "#c2188b"
 TRAVEL_DASH: Final = (4.0, 3.0)  # px
@@ -47,14 +47,21 @@ def find_kinds(layer: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
     """
     pairs = np.stack([layer.name, layer.beads.purpose], axis=1)
     kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
-    result = []
-    for index, purpose in kinds.tolist():
-        name = layer.names[index] or Purpose(purpose).label
-        colour = _COLOURS.get(Purpose(purpose), _OTHER_COLOUR)
-        name = name.replace("_", " ")
-        name = name.capitalize() if name.isupper() else name[:1].upper() + name[1:]
-        result.append((name, mix_colours(colour, "#ffffff", _LIGHT)))
-    return kind.ravel(), result
+    return kind.ravel(), [
+        name_kind(layer.names[index], Purpose(purpose)) for index, purpose in kinds.tolist()
+    ]
+
+
+def name_kind(name: str, purpose: Purpose) -> tuple[str, str]:
+    """Return the name and the colour under which pictures show extrusions.
+
+    Args:
+        name: role name in the file, or empty.
+        purpose: their role.
+    """
+    name = (name or purpose.label).replace("_", " ")
+    name = name.capitalize() if name.isupper() else name[:1].upper() + name[1:]
+    return name, mix_colours(_COLOURS.get(purpose, _OTHER_COLOUR), "#ffffff", _LIGHT)
 
 
 def draw_legend(entries: Sequence[tuple[str, str]], wide: float) -> tuple[list[Shape], float]:

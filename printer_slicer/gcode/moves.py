@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.motion.durations import RequestedMoves, Stopwatch
+from printer_slicer.motion.durations import RequestedMoves, Stopwatch, compute_durations
 from printer_slicer.motion.rules import Axes, MotionLimits
 from printer_slicer.values import Struct, replace
 
@@ -46,6 +46,23 @@ class Moves(Struct, frozen=True, eq=False):
         timer = Timer(limits)
         timer.add(self)
         return timer.seconds()
+
+    def durations(self, limits: MotionLimits) -> Float:
+        """Return the time of each move (K,), s, without dwells, homing and heating.
+
+        Args:
+            limits: limits of the machine before the first move; the machine rests where the file changes them.
+        """
+        seconds, begin = np.zeros(len(self.speed)), 0
+        for first, kind, values in (*self.changes, (len(self.speed), "", {})):
+            some = slice(begin, first)
+            delta, stop = self.delta[some], self.stop[some]
+            acceleration = choose_accelerations(delta, self.acceleration[some], limits)
+            seconds[some] = compute_durations(
+                delta, self.speed[some], limits, stop_after=stop, acceleration=acceleration
+            )
+            begin, limits = first, apply_limit_change(limits, kind, values)
+        return seconds
 
     def heights(self) -> list[float]:
         """Return the z values of extrusions that move in x or y, mm, in order of first use."""

@@ -15,7 +15,7 @@ from printer_slicer.inspection.coverage.extrusions import Extrusions, extrusions
 from printer_slicer.inspection.deposition.marks import Purpose, purpose_of
 from printer_slicer.values import Struct, field, force_setattr, replace
 
-__all__ = ["GcodeExtrusions", "extrusions_of_gcode"]
+__all__ = ["GcodeExtrusions", "extrusions_and_moves_of_gcode", "extrusions_of_gcode"]
 
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -73,6 +73,18 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
         text: G-code of any slicer.
         filament_diameter: mm; None takes the value in the text, or 1.75.
     """
+    return extrusions_and_moves_of_gcode(text, filament_diameter=filament_diameter)[0]
+
+
+def extrusions_and_moves_of_gcode(
+    text: bytes, *, filament_diameter: float | None = None
+) -> tuple[GcodeExtrusions, Moves, Int]:
+    """Return the extrusions of a G-code text, all its moves, and the index (B,) of the move of each extrusion.
+
+    Args:
+        text: G-code of any slicer.
+        filament_diameter: mm; None takes the value in the text, or 1.75.
+    """
     text = text.removeprefix(_BYTE_ORDER_MARK)
     commands, numbers = [], []
     for number, row in enumerate(text.split(b"\n"), 1):
@@ -94,7 +106,7 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
     line = np.array(numbers, np.int64)[beads.line]
     comments = _read_comments(text, line)
     travel, before = _find_travels(moves, kept)
-    return GcodeExtrusions(
+    extrusions = GcodeExtrusions(
         beads=replace(beads, line=line, purpose=comments.purpose, height=comments.height),
         layer_comments=comments.layer_comments,
         name=comments.name,
@@ -106,6 +118,7 @@ def extrusions_of_gcode(text: bytes, *, filament_diameter: float | None = None) 
         diameter_known=known,
         settings=settings,
     )
+    return extrusions, moves, kept
 
 
 def _find_travels(moves: Moves, extruding: Int) -> tuple[Float, Int]:
