@@ -12,6 +12,7 @@ import gzip
 import hashlib
 import html
 import re
+from collections import Counter
 from importlib.resources import files
 from typing import Final
 
@@ -23,8 +24,12 @@ __all__ = ["join_modules", "make_view_page"]
 _FIRST_MODULE: Final = "page.js"
 _IMPORT: Final = re.compile(r'^import \{[^}]*\} from "\./([a-z0-9_]+\.js)";\n', re.MULTILINE)
 _EXPORT: Final = re.compile(r"^export (?=(?:async )?function |const |class )", re.MULTILINE)
+_NAME: Final = re.compile(r"^(?:async )?(?:const|let|function|class) (\w+)", re.MULTILINE)
 _LEFT: Final = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
-_POLICY: Final = "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; base-uri 'none'; form-action 'none'"
+_POLICY: Final = (
+    "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
+    "base-uri 'none'; form-action 'none'"
+)
 
 
 def make_view_page(preview: Preview) -> bytes:
@@ -47,11 +52,15 @@ def join_modules(first: str = _FIRST_MODULE) -> str:
     """Return a module of the viewer and all that it imports as one script.
 
     Raises:
-        ValueError: a module imports or exports in a form that is not supported.
+        ValueError: a module imports or exports in a form that is not supported, or two have a name in common.
     """
     done: dict[str, str] = {}
     _add_module(first, done)
-    return "\n".join(done.values())
+    joined = "\n".join(done.values())
+    names = Counter(_NAME.findall(joined))
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ValueError(f"modules of the viewer share the names {', '.join(twice)}")
+    return joined
 
 
 def _add_module(name: str, done: dict[str, str]) -> None:

@@ -1,0 +1,187 @@
+/**
+ * Draw one layer from above on a canvas.
+ */
+import { EXTRUSION, JUMP, RETRACTION, TRAVEL, WIDTH_STEP, endOfLayer } from "./preview.js";
+
+/**
+ * @typedef {Object} LayerPicture what to draw
+ * @property {number} layer
+ * @property {number} end first move that is not drawn
+ * @property {import("./colouring.js").Colouring} colouring
+ * @property {boolean} travels
+ * @property {boolean} retractions
+ * @property {boolean} seams
+ * @property {{faint: string, seam: string}} ink colours of the page
+ */
+
+const GAP = 0.1; // fraction of the width that stays free, so that neighbours are told apart
+const MOST_SEGMENTS = 300; // of one stroke: long ones take more than their share of time
+const MARK = 3.5; // px, radius
+const LEAST_WIDTH = 0.7; // px
+const TRAVEL_WIDTH = 1; // px
+
+/**
+ * Draw a layer, with the layer below it in a faint colour.
+ *
+ * @param {CanvasRenderingContext2D} context of a canvas whose transformation is px of the page
+ * @param {import("./preview.js").Preview} preview
+ * @param {import("./flat_window.js").FlatWindow} view
+ * @param {LayerPicture} picture
+ */
+export function drawLayer(context, preview, view, picture) {
+  context.clearRect(0, 0, view.width, view.height);
+  context.lineCap = "round";
+  context.lineJoin = "round";
+  const pen = makePen(context, preview, view);
+  const { first } = preview.layers;
+  const { layer, end, colouring } = picture;
+  if (layer > 0) {
+    drawExtrusions(pen, preview, first[layer - 1], endOfLayer(preview, layer - 1), () => picture.ink.faint);
+  }
+  const { index, palette } = colouring;
+  drawExtrusions(pen, preview, first[layer], end, (move) => palette[index[move]]);
+  if (picture.travels) drawTravels(pen, preview, first[layer], end);
+  if (picture.retractions) drawMarks(pen, preview, listRetractions(preview, first[layer], end));
+  if (picture.seams) {
+    const seams = listSeams(preview, first[layer], end).map((move) => ({ point: move, colour: picture.ink.seam }));
+    drawMarks(pen, preview, seams);
+  }
+}
+
+/** Return the context, and functions that convert a point of the preview to px. */
+function makePen(context, preview, view) {
+  const { points, origin, step } = preview;
+  const left = view.width / 2 + (origin[0] - view.x) * view.scale;
+  const top = view.height / 2 - (origin[1] - view.y) * view.scale;
+  return {
+    context,
+    scale: view.scale,
+    x: (point) => left + step[0] * view.scale * points[3 * point],
+    y: (point) => top - step[1] * view.scale * points[3 * point + 1],
+  };
+}
+
+/**
+ * Draw extrusions in printing order, so that later ones cover earlier ones.
+ *
+ * @param {(move: number) => string} colourOf
+ */
+function drawExtrusions(pen, preview, begin, end, colourOf) {
+  const { context } = pen;
+  let colour = "";
+  let width = -1;
+  let segments = 0;
+  const finish = () => {
+    if (segments) context.stroke();
+    segments = 0;
+  };
+  for (let move = begin; move < end; move += 1) {
+    if (preview.role[move] < EXTRUSION) {
+      finish();
+      continue;
+    }
+    const newColour = colourOf(move);
+    const newWidth = preview.sizes[2 * move];
+    if (newColour !== colour || Math.abs(newWidth - width) > 2 || segments >= MOST_SEGMENTS) {
+      finish();
+      colour = newColour;
+      width = newWidth;
+    }
+    if (!segments) {
+      context.beginPath();
+      context.strokeStyle = colour;
+      context.lineWidth = Math.max((1 - GAP) * WIDTH_STEP * width * pen.scale, LEAST_WIDTH);
+      context.moveTo(pen.x(move), pen.y(move));
+    }
+    context.lineTo(pen.x(move + 1), pen.y(move + 1));
+    segments += 1;
+  }
+  finish();
+}
+
+function drawTravels(pen, preview, begin, end) {
+  const { context } = pen;
+  context.beginPath();
+  context.strokeStyle = preview.roles[TRAVEL].colour;
+  context.lineWidth = TRAVEL_WIDTH;
+  for (let move = begin; move < end; move += 1) {
+    if (preview.role[move] !== TRAVEL) continue;
+    context.moveTo(pen.x(move), pen.y(move));
+    context.lineTo(pen.x(move + 1), pen.y(move + 1));
+  }
+  context.setLineDash([4, 3]);
+  context.stroke();
+  context.setLineDash([]);
+}
+
+function drawMarks(pen, preview, marks) {
+  const { context } = pen;
+  for (const { point, colour } of marks) {
+    context.beginPath();
+    context.fillStyle = colour;
+    context.arc(pen.x(point), pen.y(point), MARK, 0, 2 * Math.PI);
+    context.fill();
+  }
+}
+
+function listRetractions(preview, begin, end) {
+  const marks = [];
+  for (let move = begin; move < end; move += 1) {
+    const role = preview.role[move];
+    if (role >= RETRACTION && role < EXTRUSION) marks.push({ point: move, colour: preview.roles[role].colour });
+  }
+  return marks;
+}
+
+/**
+ * Return the moves that begin an external perimeter.
+ *
+ * @param {import("./preview.js").Preview} preview
+ * @param {number} begin first move
+ * @param {number} end first move that does not count
+ * @returns {number[]}
+ */
+export function listSeams(preview, begin, end) {
+  const seams = [];
+  let wasOuter = false;
+  for (let move = begin; move < end; move += 1) {
+    const role = preview.role[move];
+    const isOuter = preview.roles[role].outer;
+    if (isOuter && !wasOuter) seams.push(move);
+    wasOuter = isOuter;
+  }
+  return seams;
+}
+
+/**
+ * Return the move of a layer that is nearest to a place, or -1 if none is within reach.
+ *
+ * @param {import("./preview.js").Preview} preview
+ * @param {{layer: number, end: number, travels: boolean}} picture
+ * @param {number[]} place x and y, mm
+ * @param {number} reach mm
+ */
+export function findMove(preview, picture, [x, y], reach) {
+  let best = -1;
+  let least = reach;
+  const { points, origin, step } = preview;
+  for (let move = preview.layers.first[picture.layer]; move < picture.end; move += 1) {
+    const role = preview.role[move];
+    if (role === JUMP || (role < EXTRUSION && !(picture.travels && role === TRAVEL))) continue;
+    const at = 3 * move;
+    const beginX = origin[0] + step[0] * points[at] - x;
+    const beginY = origin[1] + step[1] * points[at + 1] - y;
+    const wayX = step[0] * (points[at + 3] - points[at]);
+    const wayY = step[1] * (points[at + 4] - points[at + 1]);
+    const squared = wayX * wayX + wayY * wayY;
+    const share = squared ? Math.max(0, Math.min(1, -(beginX * wayX + beginY * wayY) / squared)) : 0;
+    const half = role < EXTRUSION ? 0 : (WIDTH_STEP * preview.sizes[2 * move]) / 2;
+    const distance = Math.hypot(beginX + share * wayX, beginY + share * wayY) - half;
+    // The last of several moves at one place covers the others.
+    if (distance <= Math.max(least, 0)) {
+      least = distance;
+      best = move;
+    }
+  }
+  return best;
+}

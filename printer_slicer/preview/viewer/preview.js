@@ -1,0 +1,175 @@
+/**
+ * Decode previews of prints. `printer_slicer/preview/encoding.py` describes the bytes.
+ */
+
+/**
+ * @typedef {Object} Role
+ * @property {string} name
+ * @property {string} colour "#rrggbb"
+ * @property {boolean} outer whether its moves are external perimeters
+ */
+
+/**
+ * The moves of a print in printing order, and its layers; K moves, L layers.
+ *
+ * @typedef {Object} Preview
+ * @property {string} name
+ * @property {number} moves K
+ * @property {number[]} origin x, y and z of the points with steps of 0, mm
+ * @property {number[]} step mm
+ * @property {Uint16Array} points x, y, z of K + 1 points in steps: start of the first move and end of each move
+ * @property {Uint16Array} sizes width in 0.005 mm and height in 0.001 mm of each move; 0 for moves without extrusion
+ * @property {Uint16Array} speeds 0.1 mm/s
+ * @property {Uint8Array} role index into roles
+ * @property {Uint8Array} tool
+ * @property {Role[]} roles
+ * @property {{first: number[], z: number[], height: number[], seconds: number[]}} layers
+ */
+
+/** Roles before this one are moves without extrusion. */
+export const EXTRUSION = 4;
+export const JUMP = 0;
+export const TRAVEL = 1;
+export const RETRACTION = 2;
+export const DERETRACTION = 3;
+
+export const WIDTH_STEP = 0.005;
+export const HEIGHT_STEP = 0.001;
+export const SPEED_STEP = 0.1;
+
+const MAGIC = "PREVIEW1";
+const BYTES_PER_MOVE = 14;
+const ROWS_PER_TASK = 1 << 16;
+
+/**
+ * Let the browser draw and answer before work goes on.
+ *
+ * @returns {Promise<void>}
+ */
+export function pause() {
+  return new Promise((resume) => setTimeout(resume, 0));
+}
+
+/**
+ * Decode the bytes of a preview in short tasks.
+ *
+ * @param {ArrayBuffer} buffer
+ * @returns {Promise<Preview>}
+ * @throws {Error} if the bytes are not a complete preview
+ */
+export async function decodePreview(buffer) {
+  const bytes = new Uint8Array(buffer);
+  const text = new TextDecoder();
+  if (bytes.length < 12 || text.decode(bytes.subarray(0, 8)) !== MAGIC) {
+    throw new Error("This is not a preview.");
+  }
+  const begin = 12 + new DataView(buffer).getUint32(8, true);
+  const header = JSON.parse(text.decode(bytes.subarray(12, begin)));
+  const moves = header.moves;
+  if (bytes.length !== begin + BYTES_PER_MOVE * moves) {
+    throw new Error("The preview is incomplete.");
+  }
+  const points = new Uint16Array(3 * (moves + 1));
+  const sizes = new Uint16Array(2 * moves);
+  const speeds = new Uint16Array(moves);
+  points.set(header.start);
+  const targets = [
+    { values: points, first: 3, stride: 3, start: header.start[0] },
+    { values: points, first: 4, stride: 3, start: header.start[1] },
+    { values: points, first: 5, stride: 3, start: header.start[2] },
+    { values: sizes, first: 0, stride: 2, start: 0 },
+    { values: sizes, first: 1, stride: 2, start: 0 },
+    { values: speeds, first: 0, stride: 1, start: 0 },
+  ];
+  for (const [number, target] of targets.entries()) {
+    const column = begin + 2 * moves * number;
+    await decodeColumn(bytes.subarray(column, column + 2 * moves), target);
+  }
+  return {
+    ...header,
+    points,
+    sizes,
+    speeds,
+    role: bytes.slice(begin + 12 * moves, begin + 13 * moves),
+    tool: bytes.slice(begin + 13 * moves),
+  };
+}
+
+/**
+ * Add up the differences of a column.
+ *
+ * @param {Uint8Array} planes low bytes, then high bytes
+ * @param {{values: Uint16Array, first: number, stride: number, start: number}} target where the values go
+ */
+async function decodeColumn(planes, target) {
+  const count = planes.length / 2;
+  let value = target.start;
+  for (let done = 0; done < count; done += ROWS_PER_TASK) {
+    const end = Math.min(done + ROWS_PER_TASK, count);
+    for (let row = done; row < end; row += 1) {
+      const folded = planes[row] | (planes[count + row] << 8);
+      value = (value + ((folded >> 1) ^ -(folded & 1))) & 0xffff;
+      target.values[target.first + target.stride * row] = value;
+    }
+    await pause();
+  }
+}
+
+/**
+ * Return x, y or z of a point, mm.
+ *
+ * @param {Preview} preview
+ * @param {number} point index
+ * @param {number} axis 0, 1 or 2
+ */
+export function coordinate(preview, point, axis) {
+  return preview.origin[axis] + preview.step[axis] * preview.points[3 * point + axis];
+}
+
+/**
+ * Return the flow of a move at its requested speed, mm³/s; 0 without extrusion.
+ *
+ * @param {Preview} preview
+ * @param {number} move
+ */
+export function flowOf(preview, move) {
+  const width = WIDTH_STEP * preview.sizes[2 * move];
+  const height = HEIGHT_STEP * preview.sizes[2 * move + 1];
+  const section =
+    width < height ? (Math.PI * width * width) / 4 : (width - height * (1 - Math.PI / 4)) * height;
+  return section * SPEED_STEP * preview.speeds[move];
+}
+
+/**
+ * Return the first move after a layer.
+ *
+ * @param {Preview} preview
+ * @param {number} layer
+ */
+export function endOfLayer(preview, layer) {
+  const { first } = preview.layers;
+  return layer + 1 < first.length ? first[layer + 1] : preview.moves;
+}
+
+/**
+ * Return the box around all extrusions: lowest and highest x, y, z, mm.
+ *
+ * @param {Preview} preview
+ * @returns {{low: number[], high: number[]}}
+ */
+export function boundsOfExtrusions(preview) {
+  const low = [65535, 65535, 65535];
+  const high = [0, 0, 0];
+  const { points, role, moves } = preview;
+  for (let move = 0; move < moves; move += 1) {
+    if (role[move] < EXTRUSION) continue;
+    for (let axis = 0; axis < 3; axis += 1) {
+      const begin = points[3 * move + axis];
+      const end = points[3 * move + 3 + axis];
+      low[axis] = Math.min(low[axis], begin, end);
+      high[axis] = Math.max(high[axis], begin, end);
+    }
+  }
+  const toMm = (steps, axis) => preview.origin[axis] + preview.step[axis] * steps;
+  return { low: low.map(toMm), high: high.map(toMm) };
+}
