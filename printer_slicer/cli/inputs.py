@@ -9,12 +9,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, TYPE_CHECKING, Final
 
 from printer_slicer.cli.arguments import MAX_COPIES
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PrinterSlicerError, UsageError
 
-__all__ = ["MODELS", "reject_non_gcode", "resolve_inputs", "save_stdin"]
+if TYPE_CHECKING:
+    from printer_slicer.profile import Profile
+
+__all__ = ["MODELS", "load_file_profile", "reject_non_gcode", "resolve_inputs", "save_stdin"]
 
 MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _WILDCARDS: Final = frozenset("*?[")
@@ -269,3 +272,14 @@ def _strip_comment(line: bytes) -> bytes:
 def _quote_line(line: bytes) -> str:
     """Return the first 40 characters of a line in quotes, for messages."""
     return repr(line.decode("utf-8", "replace")[:40])
+
+
+def load_file_profile(arguments: argparse.Namespace) -> Profile:
+    """Return the profile for the machine of the G-code file, or the default profile if its settings are invalid."""
+    from printer_slicer.cli.settings import load_selected_profile
+    from printer_slicer.profile import load_profile
+
+    try:
+        return load_selected_profile(arguments, slices=False, gcode=arguments.gcode, tell=False)
+    except PrinterSlicerError:
+        return load_profile()

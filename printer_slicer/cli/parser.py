@@ -32,6 +32,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "dry-run": "print on the simulated printer and report errors",
     "check": "analyse G-code of any slicer, and compare it with its model",
     "draw": "draw a layer of any slicer's G-code",
+    "view": "write a web page that shows the layers and moves of any slicer's G-code",
     "plan": "compare layer plans for a part",
     "orient": "compare the ways in which a part may be turned",
     "contours": "export the contours of a part as SVG, CLI or SLC",
@@ -58,6 +59,7 @@ _EXAMPLES: Final = """\
   printer-slicer plan part.stl --picture plan.svg    compare layer plans and draw the chosen one
   printer-slicer check part.gcode --model part.stl   compare any slicer's G-code with the part
   printer-slicer draw part.gcode --layer 12 -o layer.svg   draw a layer of any slicer's G-code
+  printer-slicer view part.gcode --open              show its layers and moves in the browser
   printer-slicer print part.stl --port sim:          print over the serial protocol to the simulated printer
   printer-slicer control pause                       pause a running print
   printer-slicer resume                              resume an interrupted print

@@ -30,11 +30,13 @@ class PreviewRole(Struct, frozen=True):
         name: name for users; of an extrusion, the role name in the file.
         colour: "#rrggbb".
         is_outer: whether the moves are external perimeters, whose starts are the seams.
+        is_priming: whether the moves only prepare the nozzle, such as a line at the edge of the bed.
     """
 
     name: str
     colour: str
     is_outer: bool = False
+    is_priming: bool = False
 
 
 JUMP, TRAVEL, RETRACTION, DERETRACTION, EXTRUSION = range(5)

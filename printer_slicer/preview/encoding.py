@@ -5,8 +5,8 @@ The file, with little-endian numbers and K moves:
     8 bytes      "PREVIEW1"
     4 bytes      length of the header
     header       JSON in UTF-8: `name`; `moves`, K; `origin` and `step` of x, y and z, mm; `start`, the first point in
-                 steps from the origin; `roles`, each with `name`, `colour` and `outer`; `layers` with the columns
-                 `first`, `z`, `height` and `seconds`
+                 steps from the origin; `roles`, each with `name`, `colour`, `outer` and `priming`; `layers` with
+                 the columns `first`, `z`, `height` and `seconds`
     12 K bytes   the columns x, y, z, width, height and speed, 2 bytes a move
     2 K bytes    the columns role and tool, 1 byte a move
 
@@ -96,7 +96,9 @@ def decode_preview(data: bytes) -> Preview:
         height=steps[4] * _HEIGHT_STEP,
         speed=steps[5] * _SPEED_STEP,
         tool=tool.astype(np.int64),
-        roles=tuple(PreviewRole(one["name"], one["colour"], one["outer"]) for one in header["roles"]),
+        roles=tuple(
+            PreviewRole(one["name"], one["colour"], one["outer"], one["priming"]) for one in header["roles"]
+        ),
         **_read_layers(header["layers"]),
     )
 
@@ -107,7 +109,13 @@ def _make_header(preview: Preview) -> dict[str, Any]:
         "name": preview.name,
         "moves": preview.n_moves,
         "roles": [
-            {"name": role.name, "colour": role.colour, "outer": role.is_outer} for role in preview.roles
+            {
+                "name": role.name,
+                "colour": role.colour,
+                "outer": role.is_outer,
+                "priming": role.is_priming,
+            }
+            for role in preview.roles
         ],
         "layers": {
             "first": preview.first.tolist(),

@@ -78,7 +78,11 @@ def _find_roles(moves: Moves, gcode: GcodeExtrusions, extruding: Int) -> tuple[I
     pairs = np.stack([gcode.name, gcode.beads.purpose], axis=1)
     kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
     named = [
-        PreviewRole(*name_kind(gcode.names[index], Purpose(purpose)), purpose == Purpose.EXTERNAL_PERIMETER)
+        PreviewRole(
+            *name_kind(gcode.names[index], Purpose(purpose)),
+            is_outer=purpose == Purpose.EXTERNAL_PERIMETER,
+            is_priming=purpose == Purpose.CUSTOM,
+        )
         for index, purpose in kinds.tolist()
     ]
     roles = list(dict.fromkeys(named))

@@ -20,7 +20,7 @@ from printer_slicer.cli.arguments import (
     parse_pixels,
 )
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.inputs import reject_non_gcode
+from printer_slicer.cli.inputs import load_file_profile, reject_non_gcode
 from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
 from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.errors import PrinterSlicerError, UsageError
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from printer_slicer.inspection.coverage.layer_extrusions import FileLayers, LayerExtrusions
     from printer_slicer.inspection.coverage.matching import Match
     from printer_slicer.inspection.coverage.stack import Stack
-    from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -205,21 +204,10 @@ def _match_model(
 
     if not arguments.models:
         return stack, None, None
-    mesh, plate, _ = load_repaired_plate(arguments, _load_file_profile(arguments), report)
+    mesh, plate, _ = load_repaired_plate(arguments, load_file_profile(arguments), report)
     is_placed = arguments.center or arguments.as_placed or not arguments.drop
     report("matching")
     return place_sections(mesh, deposit, stack, plate.placement if is_placed else None)
-
-
-def _load_file_profile(arguments: argparse.Namespace) -> Profile:
-    """Return the profile for the machine of the G-code file, or the default profile if its settings are invalid."""
-    from printer_slicer.cli.settings import load_selected_profile
-    from printer_slicer.profile import load_profile
-
-    try:
-        return load_selected_profile(arguments, slices=False, gcode=arguments.gcode, tell=False)
-    except PrinterSlicerError:
-        return load_profile()
 
 
 def _choose_layer(arguments: argparse.Namespace, levels: FileLayers, report: StageReport) -> tuple[int, str]:

@@ -25,14 +25,14 @@ export function describeMove(preview, move) {
 }
 
 /**
- * Return the number, z and height of a layer.
+ * Return the number and z of a layer.
  *
  * @param {import("./preview.js").Preview} preview
  * @param {number} layer
  */
 export function describeLayer(preview, layer) {
-  const { first, z, height } = preview.layers;
-  return `${layer + 1} of ${first.length}, Z ${formatLength(z[layer])}, ${formatLength(height[layer])} mm high`;
+  const { first, z } = preview.layers;
+  return `${layer + 1} of ${first.length}, Z ${Number(z[layer].toFixed(3))} mm`;
 }
 
 /**
@@ -55,8 +55,4 @@ export function formatDuration(seconds) {
   if (seconds < 60) return `${Math.round(seconds)} s`;
   const minutes = Math.round(seconds / 60);
   return minutes < 60 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
-}
-
-function formatLength(value) {
-  return String(Number(value.toFixed(3)));
 }

@@ -7,6 +7,7 @@
  * @property {string} name
  * @property {string} colour "#rrggbb"
  * @property {boolean} outer whether its moves are external perimeters
+ * @property {boolean} priming whether its moves only prepare the nozzle
  */
 
 /**
@@ -152,17 +153,18 @@ export function endOfLayer(preview, layer) {
 }
 
 /**
- * Return the box around all extrusions: lowest and highest x, y, z, mm.
+ * Return the box around the print without priming lines: lowest and highest x, y, z, mm.
  *
  * @param {Preview} preview
  * @returns {{low: number[], high: number[]}}
  */
-export function boundsOfExtrusions(preview) {
+export function boundsOfPrint(preview) {
   const low = [65535, 65535, 65535];
   const high = [0, 0, 0];
   const { points, role, moves } = preview;
+  const isPrint = preview.roles.map(({ priming }, number) => number >= EXTRUSION && !priming);
   for (let move = 0; move < moves; move += 1) {
-    if (role[move] < EXTRUSION) continue;
+    if (!isPrint[role[move]]) continue;
     for (let axis = 0; axis < 3; axis += 1) {
       const begin = points[3 * move + axis];
       const end = points[3 * move + 3 + axis];

@@ -10,7 +10,7 @@ import { listenToKeys } from "./keyboard.js";
 import { drawLayer, findMove } from "./layer_view.js";
 import { OrbitCamera } from "./orbit_camera.js";
 import { listenToPointers } from "./pointer_input.js";
-import { boundsOfExtrusions } from "./preview.js";
+import { boundsOfPrint } from "./preview.js";
 import { changeSelection, firstSelection, movesOfLayer, stepMoves } from "./selection.js";
 import { SolidView } from "./solid_view.js";
 
@@ -34,7 +34,7 @@ class Viewer {
   constructor(root, preview) {
     this.preview = preview;
     this.selection = firstSelection(preview);
-    const bounds = boundsOfExtrusions(preview);
+    const bounds = boundsOfPrint(preview);
     this.window = new FlatWindow(bounds);
     this.camera = new OrbitCamera(bounds);
     this.colouring = colourMoves(preview, this.selection.mode);
@@ -233,6 +233,8 @@ class Viewer {
     const last = this.preview.layers.first[layer] + shown - 1;
     const text = describeMove(this.preview, this.hovered >= 0 ? this.hovered : last);
     this.details.textContent = text;
+    // Screen readers are told what keys choose, not all that the mouse passes.
+    this.details.setAttribute("aria-live", this.hovered >= 0 ? "off" : "polite");
     for (const canvas of [this.flat, this.solid]) {
       canvas.setAttribute("aria-label", `Layer ${layer + 1} of ${this.preview.layers.first.length}. Last move: ${text}`);
     }
