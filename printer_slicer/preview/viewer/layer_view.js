@@ -14,11 +14,17 @@ import { EXTRUSION, JUMP, RETRACTION, TRAVEL, WIDTH_STEP, endOfLayer } from "./p
  * @property {{faint: string, seam: string}} ink colours of the page
  */
 
-const GAP = 0.1; // fraction of the width that stays free, so that neighbours are told apart
+const INNER = 0.8; // fraction of the width between the dark edges, by which neighbours are told apart
+const EDGE = 0.6; // brightness of the edges
+const LEAST_WIDTH_WITH_EDGES = 3; // px
+const SAME_WIDTH = 2; // in the unit of the column; nearly equal widths are one stroke
 const MOST_SEGMENTS = 300; // of one stroke: long ones take more than their share of time
 const MARK = 3.5; // px, radius
 const LEAST_WIDTH = 0.7; // px
 const TRAVEL_WIDTH = 1; // px
+
+/** @type {Map<string, string>} */
+const darkColours = new Map();
 
 /**
  * Draw a layer, with the layer below it in a faint colour.
@@ -62,41 +68,64 @@ function makePen(context, preview, view) {
 }
 
 /**
- * Draw extrusions in printing order, so that later ones cover earlier ones.
+ * Draw extrusions in printing order, so that later ones cover earlier ones. Where there is room, each path has dark edges.
  *
  * @param {(move: number) => string} colourOf
  */
 function drawExtrusions(pen, preview, begin, end, colourOf) {
+  const { role } = preview;
+  let first = begin;
+  while (first < end) {
+    if (role[first] < EXTRUSION) {
+      first += 1;
+      continue;
+    }
+    let last = first + 1;
+    while (last < end && role[last] === role[first]) last += 1;
+    const hasEdges = WIDTH_STEP * preview.sizes[2 * first] * pen.scale >= LEAST_WIDTH_WITH_EDGES;
+    if (hasEdges) drawPath(pen, preview, first, last, 1, (move) => darken(colourOf(move)));
+    drawPath(pen, preview, first, last, hasEdges ? INNER : 1, colourOf);
+    first = last;
+  }
+}
+
+/**
+ * Draw consecutive extrusions, as few strokes as their widths and colours allow.
+ *
+ * @param {number} share of the width that is drawn
+ * @param {(move: number) => string} colourOf
+ */
+function drawPath(pen, preview, begin, end, share, colourOf) {
   const { context } = pen;
   let colour = "";
   let width = -1;
   let segments = 0;
-  const finish = () => {
-    if (segments) context.stroke();
-    segments = 0;
-  };
   for (let move = begin; move < end; move += 1) {
-    if (preview.role[move] < EXTRUSION) {
-      finish();
-      continue;
-    }
     const newColour = colourOf(move);
     const newWidth = preview.sizes[2 * move];
-    if (newColour !== colour || Math.abs(newWidth - width) > 2 || segments >= MOST_SEGMENTS) {
-      finish();
+    if (newColour !== colour || Math.abs(newWidth - width) > SAME_WIDTH || segments >= MOST_SEGMENTS) {
+      if (segments) context.stroke();
+      segments = 0;
       colour = newColour;
       width = newWidth;
-    }
-    if (!segments) {
       context.beginPath();
       context.strokeStyle = colour;
-      context.lineWidth = Math.max((1 - GAP) * WIDTH_STEP * width * pen.scale, LEAST_WIDTH);
+      context.lineWidth = Math.max(share * WIDTH_STEP * width * pen.scale, LEAST_WIDTH);
       context.moveTo(pen.x(move), pen.y(move));
     }
     context.lineTo(pen.x(move + 1), pen.y(move + 1));
     segments += 1;
   }
-  finish();
+  if (segments) context.stroke();
+}
+
+/** Return half as bright a colour. */
+function darken(colour) {
+  if (!darkColours.has(colour)) {
+    const parts = [1, 3, 5].map((place) => Math.round(Number.parseInt(colour.slice(place, place + 2), 16) * EDGE));
+    darkColours.set(colour, `rgb(${parts.join(" ")})`);
+  }
+  return darkColours.get(colour);
 }
 
 function drawTravels(pen, preview, begin, end) {

@@ -36,9 +36,6 @@ export class SolidView {
     this.all = { begin: points, end: points, endOffset: 6, size: this.program.upload(preview.sizes), colour: null };
     this.slice = FIRST_SLICE;
     this.coarseLimit = MOST_COARSE_MOVES;
-    /** How many moves the picture has, and whether these are all: for tests and for the page. */
-    this.drawnMoves = 0;
-    this.isComplete = false;
     this.chooseCoarse();
   }
 
@@ -63,7 +60,6 @@ export class SolidView {
   cancel() {
     clearTimeout(this.timer);
     cancelAnimationFrame(this.frame);
-    this.isComplete = false;
     if (this.target) this.releaseTarget();
   }
 
@@ -103,7 +99,7 @@ export class SolidView {
     const first = lowerIndex(coarse.moves, picture.begin);
     const last = lowerIndex(coarse.moves, picture.end);
     this.program.draw(coarse, first, last - first, coarse.layers);
-    this.drawnMoves = last - first;
+    this.tell(last - first, false);
     this.watch((milliseconds) => {
       if (milliseconds < 4 * SLOW_FRAME || this.coarseLimit <= LEAST_COARSE_MOVES) return;
       this.coarseLimit = Math.max(LEAST_COARSE_MOVES, this.coarseLimit / 2);
@@ -156,8 +152,13 @@ export class SolidView {
     const corners = [0, 0, canvas.width, canvas.height];
     gl.blitFramebuffer(...corners, ...corners, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     this.releaseTarget();
-    this.drawnMoves = this.picture.end - this.picture.begin;
-    this.isComplete = true;
+    this.tell(this.picture.end - this.picture.begin, true);
+  }
+
+  /** Let the page and its tests know how many moves the picture has, and whether these are all. */
+  tell(moves, isComplete) {
+    this.canvas.dataset.moves = String(moves);
+    this.canvas.dataset.complete = String(isComplete);
   }
 
   releaseTarget() {

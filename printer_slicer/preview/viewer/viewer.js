@@ -197,7 +197,7 @@ class Viewer {
       travels,
       retractions,
       seams,
-      ink: { faint: style.getPropertyValue("--faint"), seam: style.getPropertyValue("--ink") },
+      ink: { faint: style.getPropertyValue("--faint").trim(), seam: style.getPropertyValue("--ink").trim() },
     };
   }
 
