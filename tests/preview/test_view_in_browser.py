@@ -27,6 +27,7 @@ NAME = '<img src=x onerror="document.title=1">tower.gcode'
 HEIGHT_OF_TARGET = 44  # px
 
 
+COLOURS = {"1": "role", "2": "speed", "3": "height"}
 FOCUS = """() => {
     const one = document.activeElement;
     return [one.id || one.ariaLabel?.slice(0, 8) || one.textContent || one.value, getComputedStyle(one).outlineStyle];
@@ -101,6 +102,8 @@ def picture(page: Page) -> str:
 def press(page: Page, key: str) -> str:
     """The picture after a key."""
     page.keyboard.press(key)
+    if key in COLOURS:
+        page.wait_for_selector(f".stage[data-colours={COLOURS[key]}]")
     return picture(page)
 
 
@@ -145,6 +148,7 @@ def test_sliders_and_boxes_change_the_picture(opened: Page) -> None:
         seen.append(picture(opened))
     for mode in ("speed", "width", "flow"):
         opened.get_by_label("Colours").select_option(mode)
+        opened.wait_for_selector(f".stage[data-colours={mode}]")
         seen.append(picture(opened))
         assert opened.locator(".legend li").count() >= 4
     assert len(set(seen)) == len(seen)
@@ -208,8 +212,8 @@ def test_all_layers_in_3d(opened: Page) -> None:
     opened.get_by_label("Lowest layer in 3D").fill("5")
     opened.wait_for_selector(f"canvas[data-complete=true]:not([data-moves='{all_moves}'])")
     assert picture(opened) != whole
-    opened.keyboard.press("3")
-    opened.keyboard.press("+")
+    press(opened, "3")
+    press(opened, "+")
     opened.wait_for_selector("canvas[data-complete=true]")
 
 

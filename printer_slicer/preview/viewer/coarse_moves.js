@@ -1,6 +1,7 @@
 /**
  * Few moves that stand for all: what is drawn while the print turns.
  */
+import { EXTRUSION } from "./preview.js";
 
 /**
  * @typedef {Object} CoarseMoves
@@ -18,36 +19,35 @@
 export function chooseCoarseMoves(preview, most) {
   const { first } = preview.layers;
   const outer = listOuterMoves(preview);
-  let layers = Math.max(1, Math.ceil(outer.length / most));
-  for (;;) {
-    const chosen = outer.filter((move) => isInChosenLayer(first, move, layers));
-    if (chosen.length <= most || layers >= first.length) {
-      return { moves: chosen.length <= most ? chosen : chosen.subarray(0, most), layers };
-    }
-    layers += 1;
+  const starts = [...first, preview.moves].map((move) => lowerIndex(outer, move));
+  const top = first.length - 1;
+  // The top of the print is always drawn.
+  const listLayers = (every) => first.map((_, layer) => layer).filter((layer) => (top - layer) % every === 0);
+  const countMoves = (layers) => layers.reduce((sum, layer) => sum + starts[layer + 1] - starts[layer], 0);
+  let every = 1;
+  while (every <= top && countMoves(listLayers(every)) > most) every += 1;
+  const chosen = listLayers(every).map((layer) => outer.subarray(starts[layer], starts[layer + 1]));
+  const moves = new Uint32Array(chosen.reduce((sum, part) => sum + part.length, 0));
+  let done = 0;
+  for (const part of chosen) {
+    moves.set(part, done);
+    done += part.length;
   }
+  return { moves: moves.subarray(0, most), layers: every };
 }
 
 /** Return the external perimeters; all extrusions if the file does not name its roles. */
 function listOuterMoves(preview) {
-  const isOuter = preview.roles.map((role) => role.outer);
-  const isNamed = preview.role.some((role) => isOuter[role]);
+  const isNamed = preview.roles.some((role) => role.outer);
+  const isOuter = preview.roles.map((role, number) => (isNamed ? role.outer : number >= EXTRUSION));
   const moves = new Uint32Array(preview.moves);
   let count = 0;
   for (let move = 0; move < preview.moves; move += 1) {
-    const role = preview.role[move];
-    if (isNamed ? isOuter[role] : role >= 4) {
-      moves[count] = move;
-      count += 1;
-    }
+    if (!isOuter[preview.role[move]]) continue;
+    moves[count] = move;
+    count += 1;
   }
   return moves.slice(0, count);
-}
-
-function isInChosenLayer(first, move, layers) {
-  const layer = lowerIndex(first, move + 1) - 1;
-  // The top of the print is always drawn.
-  return (first.length - 1 - layer) % layers === 0;
 }
 
 /**

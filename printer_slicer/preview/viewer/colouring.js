@@ -1,7 +1,7 @@
 /**
  * The colours of moves: by role, speed, height, width, flow or tool.
  */
-import { EXTRUSION, HEIGHT_STEP, SPEED_STEP, WIDTH_STEP, flowOf } from "./preview.js";
+import { EXTRUSION, HEIGHT_STEP, SPEED_STEP, WIDTH_STEP, flowOf, workOnRows } from "./preview.js";
 
 /**
  * @typedef {Object} Colouring
@@ -28,69 +28,98 @@ const SCALE = [
 ];
 /** Okabe and Ito, "Color universal design", 2008. */
 const TOOLS = ["#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#999999"];
+const TOOL_NUMBERS = Array.from({ length: 256 }, (_, number) => number);
 const OUTLIERS = 0.002; // fraction of the extrusions at each end of the scale, so that a few do not stretch it
 const BINS = 4096;
 const MOST_LABELS = 7;
 
 /**
- * Return the colours of all moves.
+ * Return the colours of all moves; the work is done in short tasks.
  *
  * @param {import("./preview.js").Preview} preview
  * @param {string} mode an id of `COLOUR_MODES`
- * @returns {Colouring}
+ * @returns {Promise<Colouring>}
  */
-export function colourMoves(preview, mode) {
+export async function colourMoves(preview, mode) {
   if (mode === "role") return colourByRole(preview);
   if (mode === "tool") return colourByTool(preview);
   const { unit } = COLOUR_MODES.find((one) => one.id === mode);
-  return colourByValue(preview, valueReader(preview, mode), unit);
+  return colourByValue(preview, await listValues(preview, mode), unit);
 }
 
 /**
- * Return a function that returns the value of a move, in the unit of the mode.
+ * Return the value of each move in the unit of a mode.
  *
- * @returns {(move: number) => number}
+ * @returns {Promise<Float32Array>}
  */
-function valueReader(preview, mode) {
+async function listValues(preview, mode) {
   const { speeds, sizes } = preview;
-  if (mode === "speed") return (move) => SPEED_STEP * speeds[move];
-  if (mode === "height") return (move) => HEIGHT_STEP * sizes[2 * move + 1];
-  if (mode === "width") return (move) => WIDTH_STEP * sizes[2 * move];
-  return (move) => flowOf(preview, move);
+  const readers = {
+    speed: (move) => SPEED_STEP * speeds[move],
+    height: (move) => HEIGHT_STEP * sizes[2 * move + 1],
+    width: (move) => WIDTH_STEP * sizes[2 * move],
+    flow: (move) => flowOf(preview, move),
+  };
+  const valueOf = readers[mode];
+  const values = new Float32Array(preview.moves);
+  await workOnRows(preview.moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) values[move] = valueOf(move);
+  });
+  return values;
 }
 
-function colourByRole(preview) {
-  const used = new Set();
-  for (const role of preview.role) used.add(role);
+async function colourByRole(preview) {
+  const used = await findUsed(preview, preview.role);
   const legend = preview.roles
     .map((role, number) => ({ label: role.name, colour: role.colour, number }))
-    .filter((entry) => entry.number >= EXTRUSION && used.has(entry.number));
+    .filter((entry) => entry.number >= EXTRUSION && used[entry.number]);
   return { index: preview.role, palette: preview.roles.map((role) => role.colour), legend, unit: "" };
 }
 
-function colourByTool(preview) {
+async function colourByTool(preview) {
+  const { role, tool } = preview;
+  const used = await findUsed(preview, tool);
   const index = new Uint8Array(preview.moves);
-  const used = new Set();
-  for (let move = 0; move < preview.moves; move += 1) {
-    const isExtrusion = preview.role[move] >= EXTRUSION;
-    index[move] = isExtrusion ? EXTRUSION + (preview.tool[move] % TOOLS.length) : preview.role[move];
-    if (isExtrusion) used.add(preview.tool[move]);
-  }
-  const legend = [...used]
-    .sort((one, other) => one - other)
-    .map((tool) => ({ label: `Tool ${tool}`, colour: TOOLS[tool % TOOLS.length] }));
+  await workOnRows(preview.moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) {
+      index[move] = role[move] >= EXTRUSION ? EXTRUSION + (tool[move] % TOOLS.length) : role[move];
+    }
+  });
+  const legend = TOOL_NUMBERS.filter((number) => used[number]).map((number) => ({
+    label: `Tool ${number}`,
+    colour: TOOLS[number % TOOLS.length],
+  }));
   return { index, palette: [...basePalette(preview), ...TOOLS], legend, unit: "" };
 }
 
-function colourByValue(preview, valueOf, unit) {
-  const [low, high] = findRange(preview, valueOf);
+/**
+ * Return which values of a column extrusions have.
+ *
+ * @param {import("./preview.js").Preview} preview
+ * @param {Uint8Array} column
+ * @returns {Promise<Uint8Array>} 256 flags
+ */
+async function findUsed(preview, column) {
+  const used = new Uint8Array(256);
+  await workOnRows(preview.moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) {
+      if (preview.role[move] >= EXTRUSION) used[column[move]] = 1;
+    }
+  });
+  return used;
+}
+
+async function colourByValue(preview, values, unit) {
+  const [low, high] = await findRange(preview, values);
   const perValue = high > low ? SCALE.length / (high - low) : 0;
   const index = new Uint8Array(preview.moves);
-  for (let move = 0; move < preview.moves; move += 1) {
-    const role = preview.role[move];
-    const place = Math.floor((valueOf(move) - low) * perValue);
-    index[move] = role < EXTRUSION ? role : EXTRUSION + Math.max(0, Math.min(place, SCALE.length - 1));
-  }
+  await workOnRows(preview.moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) {
+      const role = preview.role[move];
+      const place = Math.floor((values[move] - low) * perValue);
+      index[move] = role < EXTRUSION ? role : EXTRUSION + Math.max(0, Math.min(place, SCALE.length - 1));
+    }
+  });
   return { index, palette: [...basePalette(preview), ...SCALE], legend: scaleLegend(low, high), unit };
 }
 
@@ -101,28 +130,34 @@ function basePalette(preview) {
 /**
  * Return the range of values of extrusions without outliers.
  *
- * @returns {[number, number]}
+ * @param {import("./preview.js").Preview} preview
+ * @param {Float32Array} values
+ * @returns {Promise<[number, number]>}
  */
-function findRange(preview, valueOf) {
+async function findRange(preview, values) {
   let low = Infinity;
   let high = -Infinity;
   let count = 0;
-  for (let move = 0; move < preview.moves; move += 1) {
-    if (preview.role[move] < EXTRUSION) continue;
-    const value = valueOf(move);
-    low = Math.min(low, value);
-    high = Math.max(high, value);
-    count += 1;
-  }
+  const { role, moves } = preview;
+  await workOnRows(moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) {
+      if (role[move] < EXTRUSION) continue;
+      low = Math.min(low, values[move]);
+      high = Math.max(high, values[move]);
+      count += 1;
+    }
+  });
   if (!(high > low)) return [count ? low : 0, count ? low : 0];
   const bins = new Uint32Array(BINS + 1);
-  for (let move = 0; move < preview.moves; move += 1) {
-    if (preview.role[move] >= EXTRUSION) bins[Math.floor(((valueOf(move) - low) / (high - low)) * BINS)] += 1;
-  }
-  const inBins = (bin) => low + (bin / BINS) * (high - low);
+  await workOnRows(moves, (begin, end) => {
+    for (let move = begin; move < end; move += 1) {
+      if (role[move] >= EXTRUSION) bins[Math.floor(((values[move] - low) / (high - low)) * BINS)] += 1;
+    }
+  });
+  const valueAt = (bin) => low + (bin / BINS) * (high - low);
   const first = skipBins(bins, OUTLIERS * count);
   const last = BINS - skipBins(bins.reverse(), OUTLIERS * count);
-  return last > first ? [inBins(first), inBins(last)] : [low, high];
+  return last > first ? [valueAt(first), valueAt(last)] : [low, high];
 }
 
 /** Return the first bin after those that hold fewer than `count` values together. */

@@ -29,7 +29,7 @@ async function startPage() {
   const root = document.getElementById("viewer");
   try {
     const buffer = await readEmbeddedPreview(document.getElementById("preview"));
-    startViewer(root, await decodePreview(buffer));
+    await startViewer(root, await decodePreview(buffer));
   } catch (error) {
     root.textContent = `The preview cannot be shown. ${error.message}`;
   }

@@ -52,6 +52,19 @@ export function pause() {
 }
 
 /**
+ * Work on many rows in short tasks.
+ *
+ * @param {number} count
+ * @param {(begin: number, end: number) => void} work on rows from `begin` up to, but not including, `end`
+ */
+export async function workOnRows(count, work) {
+  for (let begin = 0; begin < count; begin += ROWS_PER_TASK) {
+    work(begin, Math.min(begin + ROWS_PER_TASK, count));
+    await pause();
+  }
+}
+
+/**
  * Decode the bytes of a preview in short tasks.
  *
  * @param {ArrayBuffer} buffer
@@ -104,16 +117,15 @@ export async function decodePreview(buffer) {
  */
 async function decodeColumn(planes, target) {
   const count = planes.length / 2;
-  let value = target.start;
-  for (let done = 0; done < count; done += ROWS_PER_TASK) {
-    const end = Math.min(done + ROWS_PER_TASK, count);
-    for (let row = done; row < end; row += 1) {
+  const { values, first, stride, start } = target;
+  let value = start;
+  await workOnRows(count, (begin, end) => {
+    for (let row = begin; row < end; row += 1) {
       const folded = planes[row] | (planes[count + row] << 8);
       value = (value + ((folded >> 1) ^ -(folded & 1))) & 0xffff;
-      target.values[target.first + target.stride * row] = value;
+      values[first + stride * row] = value;
     }
-    await pause();
-  }
+  });
 }
 
 /**
@@ -156,22 +168,24 @@ export function endOfLayer(preview, layer) {
  * Return the box around the print without priming lines: lowest and highest x, y, z, mm.
  *
  * @param {Preview} preview
- * @returns {{low: number[], high: number[]}}
+ * @returns {Promise<{low: number[], high: number[]}>}
  */
-export function boundsOfPrint(preview) {
+export async function boundsOfPrint(preview) {
   const low = [65535, 65535, 65535];
   const high = [0, 0, 0];
   const { points, role, moves } = preview;
   const isPrint = preview.roles.map(({ priming }, number) => number >= EXTRUSION && !priming);
-  for (let move = 0; move < moves; move += 1) {
-    if (!isPrint[role[move]]) continue;
-    for (let axis = 0; axis < 3; axis += 1) {
-      const begin = points[3 * move + axis];
-      const end = points[3 * move + 3 + axis];
-      low[axis] = Math.min(low[axis], begin, end);
-      high[axis] = Math.max(high[axis], begin, end);
+  await workOnRows(moves, (first, last) => {
+    for (let move = first; move < last; move += 1) {
+      if (!isPrint[role[move]]) continue;
+      for (let axis = 0; axis < 3; axis += 1) {
+        const begin = points[3 * move + axis];
+        const end = points[3 * move + 3 + axis];
+        low[axis] = Math.min(low[axis], begin, end);
+        high[axis] = Math.max(high[axis], begin, end);
+      }
     }
-  }
+  });
   const toMm = (steps, axis) => preview.origin[axis] + preview.step[axis] * steps;
   return { low: low.map(toMm), high: high.map(toMm) };
 }

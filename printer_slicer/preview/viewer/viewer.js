@@ -23,21 +23,26 @@ const BUTTON_ZOOM = 1.25;
  *
  * @param {HTMLElement} root
  * @param {import("./preview.js").Preview} preview
- * @returns {Viewer}
+ * @returns {Promise<Viewer>}
  */
-export function startViewer(root, preview) {
-  return new Viewer(root, preview);
+export async function startViewer(root, preview) {
+  const selection = firstSelection(preview);
+  const colouring = await colourMoves(preview, selection.mode);
+  return new Viewer(root, preview, { selection, colouring, bounds: await boundsOfPrint(preview) });
 }
 
 /** The state of a viewer: what is selected, and from where it is seen. */
 class Viewer {
-  constructor(root, preview) {
-    this.preview = preview;
-    this.selection = firstSelection(preview);
-    const bounds = boundsOfPrint(preview);
+  /**
+   * @param {HTMLElement} root
+   * @param {import("./preview.js").Preview} preview
+   * @param {{selection: import("./selection.js").Selection, colouring: import("./colouring.js").Colouring,
+   *   bounds: {low: number[], high: number[]}}} first what is shown first
+   */
+  constructor(root, preview, { selection, colouring, bounds }) {
+    Object.assign(this, { preview, selection, colouring });
     this.window = new FlatWindow(bounds);
     this.camera = new OrbitCamera(bounds);
-    this.colouring = colourMoves(preview, this.selection.mode);
     this.hovered = -1;
     this.build(root);
     this.listen(root);
@@ -102,10 +107,16 @@ class Viewer {
     const { mode } = this.selection;
     this.selection = changeSelection(this.preview, this.selection, change);
     this.hovered = -1;
-    if (this.selection.mode !== mode) {
-      this.colouring = colourMoves(this.preview, this.selection.mode);
-      this.solidView?.setColouring(this.colouring);
-    }
+    if (this.selection.mode !== mode) this.recolour(this.selection.mode);
+    this.render();
+  }
+
+  async recolour(mode) {
+    const colouring = await colourMoves(this.preview, mode);
+    if (this.selection.mode !== mode) return; // another one was chosen in the meantime
+    this.colouring = colouring;
+    this.stage.dataset.colours = mode;
+    this.solidView?.setColouring(colouring);
     this.render();
   }
 
