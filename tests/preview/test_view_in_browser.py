@@ -199,7 +199,7 @@ def test_playing_shows_more_moves(opened: Page) -> None:
     opened.get_by_role("button", name="Play").click()
     playwright.expect(opened.locator("#moves")).not_to_have_value("2")
     opened.get_by_role("button", name="Pause").click()
-    assert opened.get_by_role("button", name="Play").is_visible()
+    playwright.expect(opened.get_by_role("button", name="Play")).to_be_visible()
 
 
 @pytest.mark.parametrize("opened", [SIZES[0], SIZES[3]], indirect=True)
