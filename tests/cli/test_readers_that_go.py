@@ -52,6 +52,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "doctor": ("doctor", "nowhere"),
     "sim": ("sim", "--pty", "missing/port"),
     "ports": ("ports",),
+    "view": ("view", "missing.gcode"),
     "queue": ("queue", "--printers-file", "missing.toml"),
     "profiles": ("profiles", "settings"),
     "profiles that are not there": ("profiles", "show", "no_such_printer"),
