@@ -42,10 +42,10 @@ export function drawLayer(context, preview, view, picture) {
   const { first } = preview.layers;
   const { layer, end, colouring } = picture;
   if (layer > 0) {
-    drawExtrusions(pen, preview, first[layer - 1], endOfLayer(preview, layer - 1), () => picture.ink.faint);
+    drawExtrusions(pen, preview, first[layer - 1], endOfLayer(preview, layer - 1), () => picture.ink.faint, false);
   }
   const { index, palette } = colouring;
-  drawExtrusions(pen, preview, first[layer], end, (move) => palette[index[move]]);
+  drawExtrusions(pen, preview, first[layer], end, (move) => palette[index[move]], true);
   if (picture.travels) drawTravels(pen, preview, first[layer], end);
   if (picture.retractions) drawMarks(pen, preview, listRetractions(preview, first[layer], end));
   if (picture.seams) {
@@ -68,11 +68,12 @@ function makePen(context, preview, view) {
 }
 
 /**
- * Draw extrusions in printing order, so that later ones cover earlier ones. Where there is room, each path has dark edges.
+ * Draw extrusions in printing order, so that later ones cover earlier ones.
  *
  * @param {(move: number) => string} colourOf
+ * @param {boolean} edges whether each path has dark edges where there is room
  */
-function drawExtrusions(pen, preview, begin, end, colourOf) {
+function drawExtrusions(pen, preview, begin, end, colourOf, edges) {
   const { role } = preview;
   let first = begin;
   while (first < end) {
@@ -82,7 +83,7 @@ function drawExtrusions(pen, preview, begin, end, colourOf) {
     }
     let last = first + 1;
     while (last < end && role[last] === role[first]) last += 1;
-    const hasEdges = WIDTH_STEP * preview.sizes[2 * first] * pen.scale >= LEAST_WIDTH_WITH_EDGES;
+    const hasEdges = edges && WIDTH_STEP * preview.sizes[2 * first] * pen.scale >= LEAST_WIDTH_WITH_EDGES;
     if (hasEdges) drawPath(pen, preview, first, last, 1, (move) => darken(colourOf(move)));
     drawPath(pen, preview, first, last, hasEdges ? INNER : 1, colourOf);
     first = last;
