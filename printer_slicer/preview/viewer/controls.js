@@ -14,7 +14,9 @@ import { movesOfLayer } from "./selection.js";
  */
 
 const SHORTCUTS =
-  "Keys: up and down change the layer, left and right the move, + and - zoom, 0 shows all, space plays, 1 to 6 choose the colours, V changes the view.";
+  "Keys: up and down change the layer, left and right the move, + and - zoom, 0 shows all, space plays, " +
+  "1 to 6 choose the colours, V changes the view.";
+const VIEWS = [["layer", "One layer"], ["solid", "All layers in 3D"]];
 
 /**
  * Return the controls and a function that shows a selection in them.
@@ -24,7 +26,7 @@ const SHORTCUTS =
  */
 export function makeControls(preview, actions) {
   const { change } = actions;
-  const view = makeChoice("View", [["layer", "One layer"], ["solid", "All layers in 3D"]], (value) => change({ view: value }));
+  const view = makeChoice("View", VIEWS, (value) => change({ view: value }));
   const mode = makeColourMenu(change);
   const layer = makeSlider("layer", "Layer", (value) => change({ layer: value }));
   const bottom = makeSlider("bottom", "Lowest layer in 3D", (value) => change({ bottom: value }));
@@ -79,6 +81,7 @@ function makeChoice(name, options, change) {
 
 function makeColourMenu(change) {
   const options = COLOUR_MODES.map(({ id, label }, number) => make("option", { value: id }, `${number + 1} ${label}`));
+  /** @type {HTMLSelectElement} */
   const select = make("select", { id: "mode", onchange: () => change({ mode: select.value }) }, ...options);
   return {
     row: make("div", { class: "menu" }, make("label", { for: "mode" }, "Colours"), select),

@@ -11,7 +11,7 @@ import { EXTRUSION, HEIGHT_STEP, SPEED_STEP, WIDTH_STEP, coordinate, flowOf } fr
  * @param {number} move
  */
 export function describeMove(preview, move) {
-  const [x, y, z] = [0, 1, 2].map((axis) => String(Number(coordinate(preview, move + 1, axis).toFixed(axis < 2 ? 2 : 3))));
+  const [x, y, z] = [2, 2, 3].map((digits, axis) => Number(coordinate(preview, move + 1, axis).toFixed(digits)));
   const parts = [preview.roles[preview.role[move]].name, `X ${x} Y ${y} Z ${z}`];
   if (preview.role[move] >= EXTRUSION) {
     parts.push(

@@ -2,21 +2,24 @@
  * Make elements of the page.
  */
 
+const ATTRIBUTES = new Set(["class", "for", "role"]);
+
 /**
  * Return a new element.
  *
- * @param {string} tag
- * @param {Record<string, string | number | boolean | EventListener>} [properties] "class" and names with "-" are
- *   attributes; names with "on" are listeners of events; others are properties of the element
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Record<string, string | number | boolean | EventListener>} [properties] "class", "for", "role" and names
+ *   with "-" are attributes; names with "on" are listeners of events; others are properties of the element
  * @param {(Node | string)[]} children texts are shown as they are
- * @returns {HTMLElement}
+ * @returns {HTMLElementTagNameMap[Tag]}
  */
 export function make(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
     if (typeof value === "function") element.addEventListener(name.slice(2), value);
-    else if (name === "class" || name === "for" || name === "role" || name.includes("-")) element.setAttribute(name, String(value));
-    else element[name] = value;
+    else if (ATTRIBUTES.has(name) || name.includes("-")) element.setAttribute(name, String(value));
+    else Object.assign(element, { [name]: value });
   }
   element.append(...children);
   return element;
@@ -30,12 +33,13 @@ export function make(tag, properties = {}, ...children) {
  * @param {(value: number) => void} change
  */
 export function makeSlider(id, label, change) {
+  /** @type {HTMLInputElement} */
   const input = make("input", {
     id,
     type: "range",
     min: "0",
     step: "1",
-    oninput: (event) => change(Number(event.target.value)),
+    oninput: () => change(Number(input.value)),
   });
   const value = make("output", { for: id });
   const row = make("div", { class: "slider" }, make("label", { for: id }, label), value, input);
@@ -60,6 +64,7 @@ export function makeSlider(id, label, change) {
  * @param {(checked: boolean) => void} change
  */
 export function makeCheckbox(label, checked, change) {
-  const input = make("input", { type: "checkbox", checked, onchange: (event) => change(event.target.checked) });
+  /** @type {HTMLInputElement} */
+  const input = make("input", { type: "checkbox", checked, onchange: () => change(input.checked) });
   return make("label", { class: "choice" }, input, label);
 }

@@ -7,8 +7,8 @@ const MOST_PITCH = Math.PI / 2;
 const MARGIN = 1.08;
 
 /**
- * The direction from which the print is seen: yaw and pitch in radians; the point in the middle, mm; and the height of the
- * picture, mm.
+ * The direction from which the print is seen: yaw and pitch in radians; the point in the middle, mm; and the height of
+ * the picture, mm.
  */
 export class OrbitCamera {
   /** @param {{low: number[], high: number[]}} bounds of the print, mm */

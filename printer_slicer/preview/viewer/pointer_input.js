@@ -21,6 +21,7 @@ const WHEEL = 0.0015; // per px of the wheel
  */
 export function listenToPointers(element, actions) {
   const held = new Map();
+  /** @returns {[number, number]} left and top, px */
   const placeOf = (event) => {
     const box = element.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
@@ -61,5 +62,5 @@ export function listenToPointers(element, actions) {
 function pinch(before, after, actions) {
   const apart = ([one, other]) => Math.hypot(one[0] - other[0], one[1] - other[1]);
   const middle = [0, 1].map((axis) => (after[0][axis] + after[1][axis]) / 2);
-  if (apart(before) > 0) actions.zoom(apart(after) / apart(before), ...middle);
+  if (apart(before) > 0) actions.zoom(apart(after) / apart(before), middle[0], middle[1]);
 }

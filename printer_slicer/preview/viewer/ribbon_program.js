@@ -158,9 +158,9 @@ export class RibbonProgram {
 /** @param {WebGL2RenderingContext} gl */
 function linkProgram(gl) {
   const program = gl.createProgram();
-  for (const [kind, source] of [
-    [gl.VERTEX_SHADER, VERTEX_SHADER],
-    [gl.FRAGMENT_SHADER, FRAGMENT_SHADER],
+  for (const { kind, source } of [
+    { kind: gl.VERTEX_SHADER, source: VERTEX_SHADER },
+    { kind: gl.FRAGMENT_SHADER, source: FRAGMENT_SHADER },
   ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);

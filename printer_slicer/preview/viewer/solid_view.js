@@ -30,7 +30,10 @@ export class SolidView {
   constructor(canvas, preview, camera) {
     const gl = canvas.getContext("webgl2", { antialias: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("This browser does not offer WebGL2.");
-    Object.assign(this, { canvas, gl, preview, camera });
+    this.canvas = canvas;
+    this.gl = gl;
+    this.preview = preview;
+    this.camera = camera;
     this.program = new RibbonProgram(gl, preview);
     const points = this.program.upload(preview.points);
     this.all = { begin: points, end: points, endOffset: 6, size: this.program.upload(preview.sizes), colour: null };
@@ -149,8 +152,8 @@ export class SolidView {
     const { gl, canvas } = this;
     gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.target);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    const corners = [0, 0, canvas.width, canvas.height];
-    gl.blitFramebuffer(...corners, ...corners, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    const { width, height } = canvas;
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     this.releaseTarget();
     this.tell(this.picture.end - this.picture.begin, true);
   }

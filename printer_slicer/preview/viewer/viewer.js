@@ -40,7 +40,14 @@ class Viewer {
    *   bounds: {low: number[], high: number[]}}} first what is shown first
    */
   constructor(root, preview, { selection, colouring, bounds }) {
-    Object.assign(this, { preview, selection, colouring });
+    this.preview = preview;
+    this.selection = selection;
+    this.colouring = colouring;
+    /** @type {SolidView | null} made when it is first shown */
+    this.solidView = null;
+    /** @type {number | null} the frame in which the picture will be drawn */
+    this.frame = null;
+    this.isPlaying = false;
     this.window = new FlatWindow(bounds);
     this.camera = new OrbitCamera(bounds);
     this.hovered = -1;
@@ -246,8 +253,7 @@ class Viewer {
     this.details.textContent = text;
     // Screen readers are told what keys choose, not all that the mouse passes.
     this.details.setAttribute("aria-live", this.hovered >= 0 ? "off" : "polite");
-    for (const canvas of [this.flat, this.solid]) {
-      canvas.setAttribute("aria-label", `Layer ${layer + 1} of ${this.preview.layers.first.length}. Last move: ${text}`);
-    }
+    const label = `Layer ${layer + 1} of ${this.preview.layers.first.length}. Move: ${text}`;
+    for (const canvas of [this.flat, this.solid]) canvas.setAttribute("aria-label", label);
   }
 }
