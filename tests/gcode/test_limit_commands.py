@@ -87,3 +87,15 @@ def test_the_simulated_printer_takes_the_limits_of_the_file(flavour: str) -> Non
         seconds.append(simulated.report().print_seconds)
 
     assert seconds[1] == pytest.approx(seconds[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_the_times_of_single_moves_add_up_where_limits_change(flavour: str) -> None:
+    usual = wanted(flavour)
+    limits = limits_of(usual.printer)
+    text = write_gcode(slice_part(box((30, 20, 1)), usual), usual)
+    middle = len(commands(text)) // 2
+    told = [*commands(text)[:middle], b"M203 X20 Y20", b"G4 P500", *commands(text)[middle:]]
+    moves = read_moves(told, usual.printer.corners[0], FLAVOURS[flavour])
+    total = moves.durations(limits).sum() + moves.dwell_seconds
+    assert total == pytest.approx(moves.seconds(limits), rel=1e-9)
