@@ -72,6 +72,18 @@ MIGRATIONS: Final[tuple[str, ...]] = (
 """The statements that lead from each version of the schema to the next; the version is `user_version`."""
 
 
+@contextmanager
+def _explain_errors(path: Path) -> Iterator[None]:
+    """Raise errors of the disk and of locks as `OutputError`."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise OutputError(
+            f"{path}: the queue cannot be read or written: {error}",
+            remedy="Check the free space and the permissions, and that no other program has locked the file",
+        ) from None
+
+
 class QueueDatabase:
     """A connection to the database, which threads may share.
 
@@ -107,8 +119,12 @@ class QueueDatabase:
             self._connection.close()
 
     def read(self, statement: str, *values: Any) -> list[sqlite3.Row]:
-        """Return the rows of a SELECT statement."""
-        with self._lock:
+        """Return the rows of a SELECT statement.
+
+        Raises:
+            OutputError: the database cannot be read.
+        """
+        with self._lock, _explain_errors(self._path):
             return self._connection.execute(statement, values).fetchall()
 
     @contextmanager
@@ -117,17 +133,21 @@ class QueueDatabase:
 
         Args:
             changes: whether the block changes something; otherwise it only reads one consistent state.
+
+        Raises:
+            OutputError: the database cannot be written, for example because the disk is full.
         """
-        with self._lock:
+        with self._lock, _explain_errors(self._path):
             self._connection.execute("BEGIN IMMEDIATE" if changes else "BEGIN")
             try:
                 if changes:
                     self._connection.execute("UPDATE revision SET number = number + 1")
                 yield self._connection
+                self._connection.execute("COMMIT")
             except BaseException:
-                self._connection.execute("ROLLBACK")
+                if self._connection.in_transaction:  # some errors of the disk have ended it
+                    self._connection.execute("ROLLBACK")
                 raise
-            self._connection.execute("COMMIT")
 
     def read_revision(self) -> int:
         """Return the number that grows with each change."""

@@ -140,6 +140,12 @@ def try_to_claim(folder: Path) -> bool:
         os.fsync(handle)
     finally:
         os.close(handle)
+    if os.name == "posix":  # the name of the file is to survive a power cut, too
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
     return True
 
 

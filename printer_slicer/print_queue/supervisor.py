@@ -13,9 +13,10 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
+from threading import Event as Flag
 from typing import Final, Protocol
 
-from printer_slicer.errors import PortError, UsageError
+from printer_slicer.errors import PortError, PrinterSlicerError, UsageError
 from printer_slicer.print_queue.matching import (
     PrinterTraits,
     find_mismatches,
@@ -125,17 +126,23 @@ class Supervisor:
         self._job_store = default_job_store()
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Work on the queue until `stop` returns True, which is asked at least twice a second."""
+        """Work on the queue until `stop` returns True, which is asked at least twice a second.
+
+        An error, such as an invalid printers.toml or a full disk, is told to `on_change`, and the work is tried again.
+        """
         self.recover()
         revision, problem = -1, ""
         while not stop():
             try:
                 revision, problem = self.step(), ""
-            except UsageError as error:
+            except PrinterSlicerError as error:
                 if problem != str(error):
                     problem = str(error)
                     self._on_change(problem)
-            self._queue.wait_for_change(revision, _INTERVAL)
+            try:
+                self._queue.wait_for_change(revision, _INTERVAL)
+            except PrinterSlicerError:  # the next step tells it
+                Flag().wait(_INTERVAL)
 
     def recover(self) -> None:
         """Delete what an interrupted supervisor or upload has left; call it once, before the first `step`."""
@@ -150,6 +157,7 @@ class Supervisor:
 
         Raises:
             UsageError: printers.toml is invalid.
+            OutputError: the database or the folder of a run cannot be written.
         """
         for run in self._queue.list_active_runs():
             self._follow(run)

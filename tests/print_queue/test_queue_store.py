@@ -14,7 +14,7 @@ from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.print_queue.queue_store import MAX_COPIES, PrintQueue
 from printer_slicer.print_queue.records import JobRequest, clean_name
 from printer_slicer.print_queue.run_folder import try_to_claim
-from printer_slicer.print_queue.supervisor import is_supervised, lock_queue
+from printer_slicer.print_queue.supervisor import Supervisor, is_supervised, lock_queue
 from tests.waiting import LAST_RESORT
 
 
@@ -283,3 +283,34 @@ def test_two_supervisors_refuse_to_work_on_one_queue(queue: PrintQueue) -> None:
         with pytest.raises(UsageError, match="another process runs the queue"), lock_queue(queue):
             pass
     assert not is_supervised(queue)
+
+
+def test_errors_of_the_database_are_plain_and_leave_it_usable(queue: PrintQueue) -> None:
+    (job,) = add(queue)
+    connection = sqlite3.connect(queue.folder / "queue.sqlite")
+    connection.execute("ALTER TABLE revision RENAME TO hidden")
+    for call in (lambda: queue.hold_job(job), queue.snapshot):
+        with pytest.raises(OutputError, match="the queue cannot be read or written"):
+            call()
+    connection.execute("ALTER TABLE hidden RENAME TO revision")
+    connection.close()
+
+    queue.hold_job(job)
+    assert queue.find_job(job).state == "held"
+
+
+def test_a_supervisor_tells_an_error_once_and_tries_again(queue: PrintQueue, tmp_path: Path) -> None:
+    said: list[str] = []
+    looks = iter(range(4))
+    valid = (tmp_path / "printers.toml").read_text(encoding="utf-8")
+
+    def stop() -> bool:
+        """The file is invalid at first, and valid at the end."""
+        look = next(looks)
+        (tmp_path / "printers.toml").write_text("" if look < 2 else valid, encoding="utf-8")
+        return look == 3
+
+    Supervisor(queue, on_change=said.append).run(stop)
+
+    assert len(said) == 1
+    assert "there are no printers" in said[0]
