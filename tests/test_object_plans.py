@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from printer_slicer.errors import UsageError
+from printer_slicer.extrusion import move_seconds
 from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import check_gcode
-from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject
+from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject, Program
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
 from tests.parts import box, plain
@@ -135,3 +138,18 @@ def test_plans_that_are_equal_make_the_same_moves_as_one() -> None:
 
     assert apart.filament_used == pytest.approx(together.filament_used, rel=1e-6)
     assert np.array_equal(np.unique(apart.z_top), np.unique(together.z_top))
+
+
+def _layer_seconds(program: Program, wanted: Profile, tops: Sequence[float]) -> float:
+    """Time of all moves on the layers with these tops, s."""
+    here = np.isin(program.z_top.round(6), np.round(tops, 6))
+    return float(move_seconds(program, wanted)[here].sum())
+
+
+def test_layers_of_different_objects_cool_together() -> None:
+    wanted = plain(material__min_layer_time=12.0, material__min_speed=1.0, skirt_loops=0)
+    program = slice_stages(two_objects(), wanted, plan=PLANS).program
+
+    # Groups: tops at 2.6 (thin) and 2.7 (thick), 2.8 (thin), and 3.0 (both).
+    for tops in ([2.6, 2.7], [2.8], [3.0]):
+        assert _layer_seconds(program, wanted, tops) == pytest.approx(12.0, rel=0.03)

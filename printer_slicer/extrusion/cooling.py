@@ -1,7 +1,7 @@
 """Slow down layers that print too fast to cool, hidden extrusions first, and set the fan.
 
 A layer that only supports have counts as a part of the layer before it, because both cool until the next layer of the
-part begins.
+part begins. So do layers of different objects that overlap in z: one cools while the other is printed.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ __all__ = ["fan_events", "find_next_extrusions", "slow_small_layers"]
 _MAX_ROUNDS = 30  # maximum number of rounds; lower speeds hardly slow down short moves
 _ENOUGH_RATIO = 0.995  # fraction of the minimum layer time that is sufficient
 _MOVES_AT_ONCE: Final = 1 << 16  # bounds the memory for intermediate values
+_SAME_HEIGHT: Final = 1e-6  # mm, for rounding of heights
 _FAN_STEP = 0.05  # smaller changes of the fan are not written
 # Hidden extrusions are slowed down first; bridges and overhangs last.
 _SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES], np.int8)
@@ -46,13 +47,38 @@ def slow_small_layers(program: Program, profile: Profile) -> Program:
 
 
 def _group_layers(program: Program) -> Int:
-    """Return for each layer (L,) the layer with which it cools: itself, or the one before layers of supports alone."""
+    """Return for each layer (L,) the first layer of the group with which it cools.
+
+    A layer joins the group before it if only supports have it, or if nothing in it lies on a layer of that group, as
+    with layers of different objects.
+    """
     n_layers = program.plan.n_layers
     carries = roles_with(is_support=True)[program.role]
     others = (program.role != Role.TRAVEL) & ~carries
     supports, rest = (np.bincount(program.layer[some], minlength=n_layers) for some in (carries, others))
-    alone = (supports > 0) & (rest == 0)
-    return np.asarray(np.maximum.accumulate(np.where(alone, 0, np.arange(n_layers))))
+    joins = (supports > 0) & (rest == 0)
+    if program.plan.has_overlaps:
+        joins |= _find_parallel_layers(program, others, joins)
+    return np.asarray(np.maximum.accumulate(np.where(joins, 0, np.arange(n_layers))))
+
+
+def _find_parallel_layers(program: Program, others: Bool, joins: Bool) -> Bool:
+    """Return a mask (L,) of the layers that lie on no layer of the group before them.
+
+    Args:
+        program: the moves.
+        others: (K,) mask of the extrusions that are not supports.
+        joins: (L,) mask of the layers of supports alone.
+    """
+    plan = program.plan
+    bottom = np.full(plan.n_layers, -np.inf)
+    np.maximum.at(bottom, program.layer[others], program.z_top[others] - program.height[others])
+    found = np.zeros(plan.n_layers, np.bool_)
+    lowest_top = -np.inf  # of the layers in the group so far
+    for layer in np.flatnonzero(~joins).tolist():
+        found[layer] = bottom[layer] < lowest_top - _SAME_HEIGHT
+        lowest_top = lowest_top if found[layer] else float(plan.top[layer])
+    return found
 
 
 def _slow_down(

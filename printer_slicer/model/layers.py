@@ -108,6 +108,11 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         """
         return np.flatnonzero(np.append(True, np.diff(self.top) < 0))
 
+    @property
+    def has_overlaps(self) -> bool:
+        """Whether any layer begins below the top of the layer before, as layers of different objects do."""
+        return bool((self.bottom[1:] < self.top[:-1] - SAME_TOP).any())
+
     def find_tops(self, tops: Float) -> Int:
         """Return the indices of the layers with these tops (n,), mm."""
         return np.searchsorted(self.top, tops - SAME_TOP)
