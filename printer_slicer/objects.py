@@ -14,6 +14,7 @@ from printer_slicer.geometry import difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
+from printer_slicer.object_plans import extract_objects, list_plans, number_plans
 from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import (
@@ -25,7 +26,7 @@ from printer_slicer.slicing import cut
 from printer_slicer.texts import find_similar_words
 from printer_slicer.values import replace
 
-__all__ = ["cut_objects", "list_overridable_names", "make_object_paths", "split_objects"]
+__all__ = ["cut_objects", "list_overridable_names", "make_object_paths", "separate_objects", "split_objects"]
 
 
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
@@ -34,9 +35,10 @@ _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
 def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
     """Split a part into groups of objects with the same layers and settings: meshes, layer plans, profiles.
 
-    Without overrides for objects the whole part is one group. An object with volumes that matter is a group of its own;
-    if a repair mixed the facets of the objects, the volumes apply to all objects. Objects have the names of their file;
-    several with the same name get a number, as in `lid_2`. A single object may also be called by the name of the part.
+    If all objects have the same layers and settings, the whole part is one group. An object with volumes that matter is
+    a group of its own; if a repair mixed the facets of the objects, the volumes apply to all objects. Objects have the
+    names of their file; several with the same name get a number, as in `lid_2`. A single object may also be called by
+    the name of the part.
 
     Args:
         part: placed on the bed.
@@ -47,14 +49,19 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
         UsageError: an override names no object, a repair mixed the facets of the objects, or the number of plans is not
             the number of objects.
     """
-    if isinstance(plan, LayerPlan):
-        meshes, profiles = zip(*_group_by_settings(part, profile), strict=True)
-        return list(meshes), [plan] * len(meshes), list(profiles)
-    if len(plan) != max(len(part.objects), 1):
-        raise UsageError(
-            f"{part.name}: {len(plan)} layer plans for {max(len(part.objects), 1)} objects",
-            remedy="Give one plan for all objects, or one for each",
-        )
+    plans = list_plans(part, plan)
+    numbers = number_plans(plans)
+    groups = _group_objects(part, profile, numbers)
+    return (
+        [mesh for mesh, _, _ in groups],
+        [plans[number] for _, number, _ in groups],
+        [own for _, _, own in groups],
+    )
+
+
+def separate_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
+    """Split a part into all its objects: meshes, layer plans, profiles; arguments and errors as `split_objects`."""
+    plans = list_plans(part, plan)
     object_names = _list_object_names(part)
     overridden = list_overridden_objects(profile)
     _check_names(overridden, object_names, part)
@@ -63,29 +70,37 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
         make_profile_for_object(profile, tuple(name for name in overridden if name in names))
         for names in object_names
     ]
-    return [_extract_objects(part, [item]) for item in part.objects] or [part], list(plan), own
+    return [extract_objects(part, [item]) for item in part.objects] or [part], plans, own
 
 
-def _group_by_settings(part: Mesh, profile: Profile) -> list[tuple[Mesh, Profile]]:
-    """Return groups of objects with the same settings, each with its profile."""
+def _group_objects(part: Mesh, profile: Profile, numbers: Sequence[int]) -> list[tuple[Mesh, int, Profile]]:
+    """Return groups of objects with the same plan and settings: mesh, index of the plan, profile.
+
+    `numbers` has the index of the plan of each object.
+    """
     overridden = list_overridden_objects(profile)
     has_volumes = any(item.volumes for item in part.objects)
     is_alone = [_needs_own_group(item, profile) for item in part.objects]
-    if not overridden and (not any(is_alone) or not all(item.count for item in part.objects)):
-        return [(replace(part, volumes=part.all_volumes) if has_volumes else part, profile)]
+    is_known = all(item.count for item in part.objects)
+    if not overridden and not any(numbers) and (not any(is_alone) or not is_known):
+        return [(replace(part, volumes=part.all_volumes) if has_volumes else part, 0, profile)]
     object_names = _list_object_names(part)
     _check_names(overridden, object_names, part)
     if len(object_names) == 1:
         one = replace(part, volumes=part.all_volumes) if has_volumes else part
-        return [(one, make_profile_for_object(profile, object_names[0]))]
+        return [(one, 0, make_profile_for_object(profile, object_names[0]))]
     _require_known_facets(part)
-    own: dict[tuple[tuple[str, ...], int], list[PlateObject]] = {}
-    for number, (item, names) in enumerate(zip(part.objects, object_names, strict=True)):
-        alone = number if is_alone[number] else -1
-        own.setdefault((tuple(name for name in overridden if name in names), alone), []).append(item)
+    own: dict[tuple[tuple[str, ...], int, int], list[PlateObject]] = {}
+    for index, (item, names) in enumerate(zip(part.objects, object_names, strict=True)):
+        key = (
+            tuple(name for name in overridden if name in names),
+            numbers[index],
+            index if is_alone[index] else -1,
+        )
+        own.setdefault(key, []).append(item)
     return [
-        (_extract_objects(part, items), make_profile_for_object(profile, names))
-        for (names, _), items in own.items()
+        (extract_objects(part, items), number, make_profile_for_object(profile, names))
+        for (names, number, _), items in own.items()
     ]
 
 
@@ -149,14 +164,6 @@ def _check_names(overridden: Sequence[str], object_names: Sequence[set[str]], pa
                 f"no object named {name!r}; objects: {', '.join(known)}",
                 remedy=hint or "Use one of these names",
             )
-
-
-def _extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
-    """Return the given objects of a part as one mesh."""
-    pieces = [part.triangles[item.facets] for item in items]
-    given = [one for one in (part.volumes, *(item.volumes for item in items)) if one]
-    volumes = given[0].joined(given) if given else None
-    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=volumes)
 
 
 def cut_objects(

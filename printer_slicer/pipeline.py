@@ -21,6 +21,7 @@ from printer_slicer.labelling import SupportOwners, label_moves
 from printer_slicer.model import (
     LayerPlan,
     Mesh,
+    ObjectStack,
     Overhangs,
     Program,
     Regions,
@@ -32,6 +33,7 @@ from printer_slicer.model import (
     Walls,
     stack_sections,
 )
+from printer_slicer.object_plans import list_stack_plans, make_stacks
 from printer_slicer.object_supports import (
     ObjectOverhangs,
     find_object_overhangs,
@@ -49,14 +51,22 @@ from printer_slicer.roles import roles_with
 from printer_slicer.slicing import list_section_repairs
 from printer_slicer.stages import SliceOptions, Stages, check_part
 from printer_slicer.strategies import BUILT_IN, Strategies, run_program_functions
-from printer_slicer.time_budget import choose_plan
+from printer_slicer.time_budget import choose_plan, choose_stacks
 from printer_slicer.travels import travel
 from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.modifiers import Modifier
 
-__all__ = ["overhangs", "plan_part", "slice_for_output", "slice_part", "slice_planned", "slice_stages"]
+__all__ = [
+    "overhangs",
+    "plan_objects",
+    "plan_part",
+    "slice_for_output",
+    "slice_part",
+    "slice_planned",
+    "slice_stages",
+]
 
 
 @check_arguments(placement=Placement, strategies=Strategies, volumes=(Volumes, NoneType))
@@ -151,8 +161,8 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     shift = repaired.bounds[0] - part.bounds[0]
     del mesh, repaired  # free memory: millions of facets take hundreds of megabytes
     report("planning")
-    plan = plan_part(part, profile, strategies) if plan is None else plan
-    stages = slice_planned(part, plan, profile, report, strategies, keep=keep)
+    stacks = plan_objects(part, profile, strategies) if plan is None else make_stacks(part, plan)
+    stages = slice_planned(part, list_stack_plans(stacks), profile, report, strategies, keep=keep)
     repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
@@ -160,7 +170,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
         from printer_slicer.supports.bare_islands import require_supported_islands  # noqa: PLC0415 - only on request
 
         require_supported_islands(part.name, stages.overhangs, stages.supports, shift)
-    return replace(stages, repairs=repairs, shift=shift)
+    return replace(stages, repairs=repairs, shift=shift, stacks=stacks if len(stacks) > 1 else stages.stacks)
 
 
 def slice_planned(  # noqa: PLR0913 - all options have defaults
@@ -210,7 +220,9 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
     made_later = toolpaths, travels, program, link, labels, Repairs()
-    return Stages(part, solid, walls, regions, *made_later, *_join_overhangs(found), supports)
+    found_overhangs = _join_overhangs(found)
+    stacks = make_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan)
+    return Stages(part, solid, walls, regions, *made_later, *found_overhangs, supports, stacks=stacks)
 
 
 def _slice_one_by_one(
@@ -219,7 +231,8 @@ def _slice_one_by_one(
     """Slice each object of a part with a function, and join them so that they are printed one after the other."""
     from printer_slicer.sequential import join_stages, split_for_sequence  # noqa: PLC0415 - few plates need it
 
-    return join_stages(part, [run(*one) for one in split_for_sequence(part, plan, profile)], profile)
+    stages = join_stages(part, [run(*one) for one in split_for_sequence(part, plan, profile)], profile)
+    return replace(stages, stacks=make_stacks(part, plan))
 
 
 def _select_adhesion(paths: Toolpaths) -> Toolpaths:
@@ -377,7 +390,7 @@ def overhangs(
     """
     check_part(mesh, profile)
     part = place(repair(mesh.with_volumes(volumes))[0], profile.printer, placement)
-    plan = plan_part(part, profile) if plan is None else plan
+    plan = list_stack_plans(plan_objects(part, profile)) if plan is None else plan
     if profile.quality.support == "off":  # volumes count only if there are supports
         profile = profile_with(profile, {"quality.support": "columns"})
     meshes, sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
@@ -389,8 +402,21 @@ def overhangs(
 
 @check_arguments(part=Mesh, profile=Profile, strategies=Strategies)
 def plan_part(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> LayerPlan:
-    """Plan the layers of a placed part within the time budget; arguments and errors are those of `slice_stages`."""
+    """Plan layers for a placed part within the time budget; arguments and errors are those of `slice_stages`.
+
+    All objects have the same layers, whatever `quality.planner.stacks` is.
+    """
     return choose_plan(part, profile, strategies, partial(slice_planned, keep=False, trial=True))
+
+
+@check_arguments(part=Mesh, profile=Profile, strategies=Strategies)
+def plan_objects(part: Mesh, profile: Profile, strategies: Strategies = BUILT_IN) -> tuple[ObjectStack, ...]:
+    """Plan the layers of the objects of a placed part within the time budget.
+
+    With `quality.planner.stacks = one` there is one stack for all objects. Arguments and errors are those of
+    `slice_stages`.
+    """
+    return choose_stacks(part, profile, strategies, partial(slice_planned, keep=False, trial=True))
 
 
 def slice_part(mesh: Mesh, profile: Profile, **options: Unpack[SliceOptions]) -> Program:

@@ -29,7 +29,7 @@ from printer_slicer.model import (
     Walls,
     stack_sections,
 )
-from printer_slicer.objects import split_objects
+from printer_slicer.objects import separate_objects
 from printer_slicer.ordering import order
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.roles import Role
@@ -66,8 +66,7 @@ def split_for_sequence(
             "the objects cannot be printed one after the other",
             remedy="Repair the mesh file first, or set print_order = by_layer",
         )
-    plans = [plan] * len(part.objects) if isinstance(plan, LayerPlan) else plan
-    meshes, plans, profiles = split_objects(part, plans, profile)
+    meshes, plans, profiles = separate_objects(part, plan, profile)
     own = [profile_with(one, _WITHOUT_SKIRT) for one in profiles]
     return [(mesh, _cut_off(one, mesh), mine) for mesh, one, mine in zip(meshes, plans, own, strict=True)]
 

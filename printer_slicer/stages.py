@@ -14,6 +14,7 @@ from printer_slicer.model import (
     Labels,
     LayerPlan,
     Mesh,
+    ObjectStack,
     Overhangs,
     Program,
     Regions,
@@ -89,6 +90,8 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
         overhangs_without_supports: those of objects that have no supports; None if all have supports.
         supports: the areas of supports, on layers of their own below the raft's lift; None without supports.
         shift: (3,) vector from the placed part to the mesh as it was given, mm.
+        stacks: the layer plans, and the objects that have them; a single one if all objects have the same layers. With
+            several, the layers of sections, walls and regions are the union of all layers.
     """
 
     part: Mesh
@@ -105,6 +108,7 @@ class Stages(SvgRepr, Struct, frozen=True, eq=False):
     overhangs_without_supports: Overhangs | None = None
     supports: Supports | None = None
     shift: Float = field(default_factory=lambda: np.zeros(3))
+    stacks: tuple[ObjectStack, ...] = ()
 
     def __post_init__(self) -> None:
         force_setattr(self, "shift", frozen_array(self.shift, np.float64, (3,)))

@@ -1,31 +1,41 @@
-"""Choose a layer plan within a time budget, using the time of the actual moves besides the planner's estimate."""
+"""Choose layer plans within a time budget, using the time of the actual moves besides the planner's estimate."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final, Protocol
 
 import numpy as np
 
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh, ObjectStack
+from printer_slicer.object_plans import (
+    extract_objects,
+    find_equal_groups,
+    find_plan_groups,
+    list_stack_plans,
+    make_stacks,
+)
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import Strategies, check_plan
-from printer_slicer.surface import certify, read_surface
+from printer_slicer.surface import certify, certify_stacks, read_surface
 
-__all__ = ["choose_plan"]
+__all__ = ["choose_plan", "choose_stacks"]
 
 _MAX_SECONDS: Final = 1e8  # s
 _MAX_PLANS: Final = 6  # maximum number of plans to try
+_ENOUGH_RATIO: Final = 0.98  # fraction of the budget that is sufficient
+_PRICE_EXPONENT: Final = 12.0  # typical change of log(error price) per log(print time)
+_MAX_PRICE_RATIO: Final = 16.0  # between two trials without an upper and a lower bound
 
 
 class _SliceFunction(Protocol):
     """Signature of `pipeline.slice_planned`."""
 
     def __call__(
-        self, part: Mesh, plan: LayerPlan, profile: Profile, *, strategies: Strategies
+        self, part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, *, strategies: Strategies
     ) -> Stages: ...
 
 
@@ -71,7 +81,9 @@ def _find_plan_within_budget(
     for _ in range(_MAX_PLANS):
         seconds = estimate_seconds(plan)
         tried.append((seconds, plan))
-        if 0.98 * budget <= seconds <= budget or (len(tried) > 1 and plan.runs() == tried[-2][1].runs()):
+        if _ENOUGH_RATIO * budget <= seconds <= budget or (
+            len(tried) > 1 and plan.runs() == tried[-2][1].runs()
+        ):
             break
         low, high = (asked, high) if seconds <= budget else (low, asked)
         asked = (
@@ -86,3 +98,84 @@ def _find_plan_within_budget(
     if not within:
         return min(tried, key=lambda one: one[0])[1]
     return min(within, key=lambda plan: certify(read_surface(part), plan).volume_error)
+
+
+_PlanFunction = Callable[[Mapping[str, float | str]], tuple[ObjectStack, ...]]
+"""Plans all objects with changed settings."""
+
+
+def choose_stacks(
+    part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _SliceFunction
+) -> tuple[ObjectStack, ...]:
+    """Plan the layers of all objects, separately with `quality.planner.stacks = objects`.
+
+    All objects have the same price of the volume error, so that no exchange of time between them would reduce the total
+    error. Arguments and errors are those of `choose_plan`.
+    """
+    groups = [] if strategies.planner else find_plan_groups(part, profile)
+    if len(groups) < 2:
+        return make_stacks(part, choose_plan(part, profile, strategies, slice_planned))
+    first = find_equal_groups(part, groups)
+    meshes = {
+        groups[k]: extract_objects(part, [part.objects[i] for i in groups[k]]) for k in sorted(set(first))
+    }
+
+    def plan_groups(changes: Mapping[str, float | str]) -> tuple[ObjectStack, ...]:
+        """Plan each group of objects with changed settings."""
+        own = profile_with(profile, changes)
+        plans = {group: plan_layers(mesh, own) for group, mesh in meshes.items()}
+        owner = {i: groups[first[k]] for k, group in enumerate(groups) for i in group}
+        return make_stacks(part, [plans[owner[i]] for i in sorted(owner)], meshes)
+
+    def estimate_seconds(stacks: Sequence[ObjectStack]) -> float:
+        """Return the time of the moves that slicing with these plans gives, s."""
+        program = slice_planned(part, list_stack_plans(stacks), profile, strategies=strategies).program
+        return float(move_seconds(program, profile).sum())
+
+    from printer_slicer.planning.layer_times import compute_error_price  # noqa: PLC0415 - few plates need it
+
+    price, dials = compute_error_price(part, profile), profile.dials
+    if not dials.time_budget or dials.max_layers:
+        return plan_groups({"quality.planner.error_price": price})
+    return _find_stacks_within_budget(dials.time_budget, price, plan_groups, estimate_seconds)
+
+
+def _find_stacks_within_budget(
+    budget: float,
+    price: float,
+    plan_groups: _PlanFunction,
+    estimate_seconds: Callable[[Sequence[ObjectStack]], float],
+) -> tuple[ObjectStack, ...]:
+    """Return the most accurate plans within the budget, s, or the fastest, from plans with different error prices."""
+    no_budget: dict[str, float | str] = {"quality.planner.time_budget": 0}
+    tried: list[tuple[float, float, tuple[ObjectStack, ...]]] = []
+    for _ in range(_MAX_PLANS):
+        prices: dict[str, float | str] = {
+            "quality.planner.objective": "balanced",
+            "quality.planner.error_price": price,
+        }
+        stacks = plan_groups(no_budget | prices)
+        seconds = estimate_seconds(stacks)
+        tried.append((price, seconds, stacks))
+        if _ENOUGH_RATIO * budget <= seconds <= budget:
+            break
+        price = _choose_next_price([one[:2] for one in tried], budget)
+    if all(seconds > budget for _, seconds, _ in tried):
+        stacks = plan_groups(no_budget | {"quality.planner.objective": "time"})
+        tried.append((0.0, estimate_seconds(stacks), stacks))
+    within = [stacks for _, seconds, stacks in tried if seconds <= budget]
+    if not within:
+        return min(tried, key=lambda one: one[1])[2]
+    return min(within, key=lambda stacks: certify_stacks(stacks).volume_error)
+
+
+def _choose_next_price(tried: Sequence[tuple[float, float]], budget: float) -> float:
+    """Return the next error price, s/mm³, for pairs of an error price and the print time that it gave, s."""
+    cheap = max((one for one in tried if one[1] <= budget), default=None)
+    dear = min((one for one in tried if one[1] > budget), default=None)
+    if cheap and dear and cheap[0] < dear[0]:
+        share = np.log(budget / cheap[1]) / np.log(dear[1] / cheap[1])
+        return float(cheap[0] * (dear[0] / cheap[0]) ** np.clip(share, 0.1, 0.9))
+    price, seconds = tried[-1]
+    ratio = (budget / seconds) ** _PRICE_EXPONENT
+    return float(np.clip(price * np.clip(ratio, 1 / _MAX_PRICE_RATIO, _MAX_PRICE_RATIO), 1e-6, 1e6))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
 from printer_slicer.cli.overhang_facts import collect_overhang_facts, format_overhang_sentences
-from printer_slicer.model import LayerPlan, Mesh, Repairs
+from printer_slicer.model import LayerPlan, Mesh, ObjectStack, Repairs
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.planning.violations import find_violations
 from printer_slicer.planning.z_steps import layer_tolerances
@@ -74,7 +75,7 @@ def collect_slicing_facts(
         "faults": {} if stages.repairs.sound else _collect_mesh_fault_facts(stages.part, stages.shift),
         "open_edges": stages.sections.open_edges,
         "repairs": list_repair_facts(stages.repairs),
-        "certificate": collect_certificate_facts(certificate, stages.part, profile, stages.shift, seconds),
+        "certificate": collect_certificate_facts(certificate, stages.stacks, profile, stages.shift, seconds),
     }
 
 
@@ -168,7 +169,8 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
         _format_time_and_filament(facts),
     ]
     first = format_certificate_sentences(facts["certificate"])[0]
-    lines += [first, *format_violation_sentences(facts["certificate"])]
+    lines += [first, *_format_stack_sentences(facts["certificate"]["stacks"])]
+    lines += format_violation_sentences(facts["certificate"])
     if facts["empty_layers"]:
         many = "1 layer is" if facts["empty_layers"] == 1 else f"{facts['empty_layers']} layers are"
         lines.append(f"{many} empty: the part is narrower than one extrusion there")
@@ -218,6 +220,8 @@ def _compute_part_volume(stages: Stages, certificate: Certificate) -> float:
     Only in these two cases do the volumes differ by more than the volume error of the layers.
     """
     by_facets, heights = stages.part.volume, stages.sections.plan.height
+    if len(stages.stacks) > 1:  # layers of different objects overlap
+        return by_facets
     by_sections = float((stages.sections.solid.area() * heights).sum())
     explained = certificate.volume_error + 1e-3 * by_sections
     return by_facets if abs(by_facets - by_sections) <= explained else by_sections
@@ -303,52 +307,100 @@ def find_largest_flat_error(flats: Float, plan: LayerPlan) -> float:
 
 
 def collect_certificate_facts(
-    certificate: Certificate, part: Mesh, profile: Profile, shift: Float, seconds: float
+    certificate: Certificate, stacks: Sequence[ObjectStack], profile: Profile, shift: Float, seconds: float
 ) -> dict[str, Any]:
     """Return the certificate of a layer plan for JSON.
 
     Args:
-        certificate: the certificate of the plan.
-        part: the part, placed on the bed.
+        certificate: the certificate of all stacks.
+        stacks: the layer plans and their objects, placed on the bed.
         profile: the profile used for planning.
         shift: (3,) mm to add to positions on the bed, so that they refer to the part after scaling and rotating.
         seconds: estimated time of the moves.
     """
-    worst, plan, tolerance = certificate.worst, certificate.plan, profile.quality.tolerance
-    flats = find_flats(part)[0]
+    worst, plan = certificate.worst, certificate.plan
+    pairs = list(zip(certificate.parts or (certificate,), stacks, strict=True))
+    flats = [find_flats(stack.mesh)[0] for stack in stacks]
     place = np.round(np.add((worst.x, worst.y, worst.z), shift), 4)
     return {
         "planner": plan.planner,
         "containment": plan.containment,
         "layers": plan.n_layers,
-        "distinct_heights": len(set(plan.height.tolist())),
-        "tolerance_mm": tolerance,
+        "distinct_heights": len({height for stack in stacks for height in stack.plan.height.tolist()}),
+        "tolerance_mm": profile.quality.tolerance,
         "ranges": len(profile.dials.ranges),
         "max_error_mm": round(certificate.max_error, 6),
         "mean_error_mm": round(certificate.mean_error, 6),
         "volume_error_mm3": round(certificate.volume_error, 3),
-        "volume_error_ratio": round(certificate.volume_error / max(part.volume, 1e-9), 6),
-        "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-        "flats": len(flats),
-        "flat_error_mm": round(find_largest_flat_error(flats, plan), 6),
+        "volume_error_ratio": round(
+            certificate.volume_error / max(sum(stack.mesh.volume for stack in stacks), 1e-9), 6
+        ),
+        "height_error_mm": round(_find_height_error([one for one, _ in pairs]), 6),
+        "flats": sum(map(len, flats)),
+        "flat_error_mm": round(
+            max(find_largest_flat_error(own, stack.plan) for own, stack in zip(flats, stacks, strict=True)), 6
+        ),
         "worst": dict(zip("xyz", place.tolist(), strict=True))
         | {"layer": worst.layer, "kind": worst.kind, "bound_mm": round(worst.bound, 6)},
-        "over_tolerance": [
-            {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
-            for low, high, bound in certificate.ranges_above(layer_tolerances(profile, plan.bottom, plan.top))
-        ],
-        "violations": [
-            {
-                "rule": violation.rule,
-                "from": round(violation.low, 6),
-                "to": round(violation.high, 6),
-                "amount_mm": round(violation.amount, 6),
-                "cause": violation.cause,
-            }
-            for violation in find_violations(part, certificate, profile)
-        ]
+        "over_tolerance": [row for one, _ in pairs for row in _list_ranges_above(one, profile)],
+        "violations": [row for one, stack in pairs for row in _list_violations(one, stack.mesh, profile)]
         + _list_budget_violations(profile, plan, seconds),
+        "stacks": _collect_stack_facts(certificate),
     }
+
+
+def _find_height_error(certificates: Sequence[Certificate]) -> float:
+    """Return by how much, mm, the last layer of any stack extends above its objects, or below; the largest counts."""
+    errors = [one.overshoot - one.missing for one in certificates]
+    return max(errors, key=abs)
+
+
+def _collect_stack_facts(certificate: Certificate) -> list[dict[str, Any]]:
+    """Return the layers and the certificate of each stack for JSON."""
+    if not certificate.parts:
+        return []
+    from printer_slicer.cli.stack_facts import collect_stack_facts
+
+    return collect_stack_facts(certificate)
+
+
+def _format_stack_sentences(facts: list[dict[str, Any]]) -> list[str]:
+    """Format layers and certificate of each stack."""
+    if not facts:
+        return []
+    from printer_slicer.cli.stack_facts import format_stack_sentences
+
+    return format_stack_sentences(facts)
+
+
+def _list_ranges_above(certificate: Certificate, profile: Profile) -> list[dict[str, Any]]:
+    """List the height ranges in which one stack exceeds the tolerance."""
+    plan = certificate.plan
+    tolerances = layer_tolerances(profile, plan.bottom, plan.top)
+    return [
+        _name_stack(certificate) | {"from": round(low, 6), "to": round(high, 6), "bound_mm": round(bound, 6)}
+        for low, high, bound in certificate.ranges_above(tolerances)
+    ]
+
+
+def _list_violations(certificate: Certificate, mesh: Mesh, profile: Profile) -> list[dict[str, Any]]:
+    """List the constraints that one stack violates."""
+    return [
+        _name_stack(certificate)
+        | {
+            "rule": violation.rule,
+            "from": round(violation.low, 6),
+            "to": round(violation.high, 6),
+            "amount_mm": round(violation.amount, 6),
+            "cause": violation.cause,
+        }
+        for violation in find_violations(mesh, certificate, profile)
+    ]
+
+
+def _name_stack(certificate: Certificate) -> dict[str, Any]:
+    """Return the objects of a stack for JSON; nothing if there is only one stack."""
+    return {"objects": certificate.name} if certificate.name else {}
 
 
 def _list_budget_violations(profile: Profile, plan: LayerPlan, seconds: float) -> list[dict[str, Any]]:
@@ -398,7 +450,7 @@ def format_certificate_sentences(facts: dict[str, Any]) -> list[str]:
             f"Features of {thin['area_mm2']:.2f} mm², seen from above, are thinner than a layer; they print too small "
             f"or not at all; most of them are near z {thin['z']:g}"
         )
-    return lines + format_violation_sentences(facts)
+    return [*lines, *_format_stack_sentences(facts["stacks"]), *format_violation_sentences(facts)]
 
 
 _VIOLATION_TEXTS = {
@@ -426,6 +478,7 @@ def format_violation_sentences(facts: dict[str, Any]) -> list[str]:
     ]
     violations = [one for one in facts["violations"] if one["rule"] != "time_budget"]
     lines += [
+        f"{one['objects'] + ': ' if 'objects' in one else ''}"
         f"{_VIOLATION_TEXTS[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
         for one in violations[:_MOST_RUNS]
     ]

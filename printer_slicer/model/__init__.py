@@ -5,7 +5,7 @@ K moves. Units are mm, s, mm/s and °C.
 """
 
 from printer_slicer.geometry import Areas
-from printer_slicer.model.layers import Contours, Gap, LayerPlan, Regions, Sections
+from printer_slicer.model.layers import Contours, Gap, LayerPlan, ObjectStack, Regions, Sections
 from printer_slicer.model.overhangs import Overhangs
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -39,6 +39,7 @@ __all__ = [
     "LayerPlan",
     "Mesh",
     "MeshFaults",
+    "ObjectStack",
     "Overhangs",
     "PlateObject",
     "PressureAdvance",

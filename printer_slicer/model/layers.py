@@ -11,10 +11,11 @@ from printer_slicer.arrays import Bool, Float, Int, frozen_array
 from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.errors import PlanError
 from printer_slicer.geometry import Areas
+from printer_slicer.model.part import Mesh
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, field, force_setattr, replace
 
-__all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "Regions", "Sections"]
+__all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "ObjectStack", "Regions", "Sections"]
 
 SAME_TOP: Final = 1e-7
 """Layers of different objects have the same top if their tops differ by less than this, mm."""
@@ -129,6 +130,20 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         starts = np.flatnonzero(np.diff(heights, prepend=np.nan) != 0)
         counts = np.diff(np.append(starts, len(heights)))
         return [(int(n), float(heights[i])) for n, i in zip(counts, starts, strict=True)]
+
+
+class ObjectStack(Struct, frozen=True, eq=False):
+    """The layers of some objects of a plate. A plate has one stack if all its objects have the same layers.
+
+    Attributes:
+        plan: the layers.
+        mesh: the objects together, placed on the bed; the whole part if there is only one stack.
+        objects: indices of the objects in `Mesh.objects` of the part; (0,) for a part without a list of objects.
+    """
+
+    plan: LayerPlan
+    mesh: Mesh
+    objects: tuple[int, ...]
 
 
 def _convert_tops(top: object) -> Float:

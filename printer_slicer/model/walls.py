@@ -52,7 +52,8 @@ class Walls(SvgRepr, Struct, frozen=True, eq=False):
             return self
         layer = plan.find_tops(self.plan.top)
         width, lost = np.zeros((2, plan.n_layers))
-        width[layer], lost[layer] = self.width, self.lost
+        width[layer] = self.width
+        lost[layer] = self.lost * (self.plan.height / plan.height[layer])  # the same volume
         return Walls(plan, width, self.paths.on_plan(plan), self.inside.on_layers(layer, plan.n_layers), lost)
 
     def without_paths(self) -> Walls:

@@ -171,6 +171,13 @@ class OptimalPlanner(
             "mm",
         ),
     ] = ()
+    stacks: Annotated[
+        Literal["one", "objects"],
+        make_meta(
+            "layer plans of a plate with several objects: one: the same plan for all objects; objects: a plan for each "
+            "object"
+        ),
+    ] = "one"
 
 
 Planner = UniformPlanner | AreaPlanner | CuspPlanner | StepwisePlanner | GeneticPlanner | OptimalPlanner

@@ -6,6 +6,7 @@ from printer_slicer.surface.certificate import (
     WorstLayer,
     certificate_comments,
     certify,
+    certify_stacks,
     layer_bounds,
     read_surface,
 )
@@ -18,6 +19,7 @@ __all__ = [
     "WorstLayer",
     "certificate_comments",
     "certify",
+    "certify_stacks",
     "find_downward_flats",
     "find_flats",
     "layer_bounds",

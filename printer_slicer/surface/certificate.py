@@ -12,6 +12,7 @@ simplification of contours within the resolution of the profile, or the deviatio
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,13 +20,14 @@ import numpy as np
 from printer_slicer.arguments import check_arguments
 from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.deprecation import renamed_method
+from printer_slicer.errors import UsageError
 from printer_slicer.geometry.slab_projection import BESIDE
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.model import LayerPlan, Mesh, ObjectStack
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.shadow import Shadow, project_surface
 from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
-from printer_slicer.values import Struct, force_setattr
+from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = [
     "Certificate",
@@ -33,6 +35,7 @@ __all__ = [
     "WorstLayer",
     "certificate_comments",
     "certify",
+    "certify_stacks",
     "layer_bounds",
     "read_surface",
 ]
@@ -92,6 +95,9 @@ class Certificate(SvgRepr, Struct, frozen=True, eq=False):
         overshoot: mm by which the last layer extends above the part.
         area: mm², area of the surface.
         worst: the layer with `max_error`.
+        name: names of the objects, if the certificate belongs to one of several stacks of a plate.
+        parts: certificates of the stacks, if the objects of a plate have several layer plans; otherwise empty. In that
+            case `plan` is the union of all layers.
     """
 
     plan: LayerPlan
@@ -101,6 +107,8 @@ class Certificate(SvgRepr, Struct, frozen=True, eq=False):
     overshoot: float
     area: float
     worst: WorstLayer
+    name: str = ""
+    parts: tuple[Certificate, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("bound", "volume"):
@@ -188,7 +196,15 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
     Args:
         surface: surface of the part.
         plan: any plan that starts at z = 0; its containment says which sections a layer covers.
+
+    Raises:
+        UsageError: layers overlap, as in the union of the plans of several objects.
     """
+    if plan.has_overlaps:
+        raise UsageError(
+            "cannot certify overlapping layers of different objects",
+            remedy="Certify each of stages.stacks: ps.certify(ps.read_surface(stack.mesh), stack.plan)",
+        )
     rising, falling = _bound_runs(surface, plan)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
@@ -206,15 +222,67 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
     )
 
 
+def certify_stacks(stacks: Sequence[ObjectStack]) -> Certificate:
+    """Certify all stacks of a plate together: largest deviation, and sum of the volume errors of all objects.
+
+    With several stacks, the layers are the union of all layers, and `parts` has the certificate of each stack.
+
+    Args:
+        stacks: the stacks of a plate, as in `Stages.stacks`.
+    """
+    found = [certify(read_surface(one.mesh), one.plan) for one in stacks]
+    if len(found) == 1:
+        return found[0]
+    return _join_certificates(
+        [replace(one, name=stack.mesh.name) for one, stack in zip(found, stacks, strict=True)]
+    )
+
+
+def _join_certificates(parts: Sequence[Certificate]) -> Certificate:
+    """Combine the certificates of several stacks on the union of their layers.
+
+    Args:
+        parts: at least two certificates with the names of their objects.
+    """
+    plan = LayerPlan.union([one.plan for one in parts])
+    bound, volume = np.zeros(plan.n_layers), np.zeros(plan.n_layers)
+    for one in parts:
+        layer = plan.find_tops(one.plan.top)
+        np.maximum.at(bound, layer, one.bound)
+        np.add.at(volume, layer, one.volume)
+    return Certificate(
+        plan,
+        bound,
+        volume,
+        max(one.missing for one in parts),
+        max(one.overshoot for one in parts),
+        sum(one.area for one in parts),
+        _find_worst(parts, plan),
+        parts=tuple(parts),
+    )
+
+
+def _find_worst(parts: Sequence[Certificate], plan: LayerPlan) -> WorstLayer:
+    """Return the worst layer of all stacks, counted in the union of all layers."""
+    one = max(parts, key=lambda part: part.max_error)
+    top = one.plan.top[one.worst.layer - 1 : one.worst.layer]
+    return replace(one.worst, layer=int(plan.find_tops(top)[0]) + 1)
+
+
 def certificate_comments(certificate: Certificate) -> tuple[str, ...]:
     """Format a certificate as comments of a G-code file."""
-    worst = certificate.worst
+    worst, plans = certificate.worst, [one.plan for one in certificate.parts or (certificate,)]
+    heights = {height for plan in plans for height in plan.height.tolist()}
     return (
-        f"layer heights = {len(set(certificate.plan.height.tolist()))}",
+        f"layer heights = {len(heights)}",
         f"certified error [mm] = {certificate.max_error:.4f}",
         f"certified error attained = layer {worst.layer}, z {worst.z:.4g}, {worst.kind}",
         f"mean error [mm] = {certificate.mean_error:.4f}",
         f"volume error [mm3] = {certificate.volume_error:.2f}",
+        *(
+            f"certified errors of {' '.join(one.name.split())} = {one.max_error:.4f} mm, {one.volume_error:.2f} mm3"
+            for one in certificate.parts
+        ),
     )
 
 

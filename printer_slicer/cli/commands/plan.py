@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,7 +24,7 @@ from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import StageReport
-    from printer_slicer.model import LayerPlan, Mesh, Sections
+    from printer_slicer.model import Mesh, ObjectStack, Sections
     from printer_slicer.profile import Profile
     from printer_slicer.surface import Certificate
 
@@ -85,11 +85,11 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.cli.facts import collect_certificate_facts, list_repair_facts
     from printer_slicer.cli.models import apply_projects, load_repaired_plate
     from printer_slicer.healing import require_no_repair
-    from printer_slicer.model import Repairs
-    from printer_slicer.pipeline import plan_part
+    from printer_slicer.model import Repairs, stack_sections
+    from printer_slicer.pipeline import plan_objects
     from printer_slicer.placing import place
     from printer_slicer.slicing import cut, list_section_repairs
-    from printer_slicer.surface import certify, read_surface
+    from printer_slicer.surface import certify_stacks
 
     check_outputs(arguments)
     profile = load_selected_profile(arguments)
@@ -101,9 +101,9 @@ def run(arguments: argparse.Namespace) -> int:
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])
         del mesh
         report("planning")
-        chosen = plan_part(part, profile)
-        certificate = certify(read_surface(part), chosen)
-        sections = cut(part, chosen, profile.quality.resolution)
+        chosen = plan_objects(part, profile)
+        certificate = certify_stacks(chosen)
+        sections = stack_sections([cut(one.mesh, one.plan, profile.quality.resolution) for one in chosen])
         repairs = Repairs((*repairs.done, *list_section_repairs(sections, shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
@@ -114,13 +114,13 @@ def run(arguments: argparse.Namespace) -> int:
             report("drawing")
             _draw_plan(part, sections, certificate, profile, arguments)
     facts = collect_certificate_facts(
-        certificate, part, profile, shift, _find_print_time(rows, _format_plan_name(profile))
+        certificate, chosen, profile, shift, _find_print_time(rows, _format_plan_name(profile))
     )
-    facts |= {"thin_features": _measure_thin_features(part, chosen)}
+    facts |= {"thin_features": _measure_thin_features(chosen)}
     repaired = list_repair_facts(repairs)
     if arguments.json:
         plans = {"part": table, "plans": rows, "certificate": facts}
-        plans |= {"layers": _list_layer_facts(chosen, certificate), "repairs": repaired}
+        plans |= {"layers": _list_layer_facts(certificate), "repairs": repaired}
         print(json.dumps(plans | plate.collect_facts() | collect_profile_facts(arguments)))
     elif not arguments.quiet:
         print(_format_plans(arguments, table, rows))
@@ -144,23 +144,25 @@ def _format_certificate(
     return ["", f"Certificate of the chosen plan ({plan}):", *(f"  {line}" for line in lines), *shown]
 
 
-def _list_layer_facts(plan: LayerPlan, certificate: Certificate) -> dict[str, list[float]]:
+def _list_layer_facts(certificate: Certificate) -> dict[str, list[float]]:
     """List bottom, top and cut height of each layer, mm, with bounds of its deviation and volume error, for JSON."""
     import numpy as np
 
-    layers = {name: getattr(plan, name).tolist() for name in ("bottom", "top", "cut")}
+    layers = {name: getattr(certificate.plan, name).tolist() for name in ("bottom", "top", "cut")}
     return layers | {name: np.round(getattr(certificate, name), 6).tolist() for name in ("bound", "volume")}
 
 
-def _measure_thin_features(part: Mesh, plan: LayerPlan) -> dict[str, float]:
+def _measure_thin_features(stacks: Sequence[ObjectStack]) -> dict[str, float]:
     """Measure features thinner than a layer: their area, mm² seen from above, and the z near which most of it lies."""
     from printer_slicer.slicing import cut
     from printer_slicer.surface import read_surface, thin_areas
 
-    if plan.containment != "mid":
+    if stacks[0].plan.containment != "mid":
         return {"area_mm2": 0.0, "z": 0.0}
-    areas = thin_areas(read_surface(part), cut(part, plan, 0.0))
-    return {"area_mm2": round(float(areas.sum()), 3), "z": round(float(plan.bottom[areas[:-1].argmax()]), 4)}
+    areas = [thin_areas(read_surface(one.mesh), cut(one.mesh, one.plan, 0.0)) for one in stacks]
+    most, plan = max(zip(areas, (one.plan for one in stacks), strict=True), key=lambda pair: pair[0].sum())
+    total = sum(float(area.sum()) for area in areas)
+    return {"area_mm2": round(total, 3), "z": round(float(plan.bottom[most[:-1].argmax()]), 4)}
 
 
 def _draw_plan(
@@ -220,23 +222,28 @@ def _make_progress_callback(arguments: argparse.Namespace, report: StageReport) 
 
 
 def _compare_plans(
-    part: Mesh, profile: Profile, chosen: LayerPlan, show: _Progress, *, everything: bool
+    part: Mesh, profile: Profile, chosen: Sequence[ObjectStack], show: _Progress, *, everything: bool
 ) -> list[dict[str, object]]:
     """Return a row for each plan: the uniform plans, those of all planners if `everything`, and the chosen plan."""
     from printer_slicer.cli.facts import find_largest_flat_error
+    from printer_slicer.cli.stack_facts import collect_stack_facts
     from printer_slicer.extrusion import move_seconds
-    from printer_slicer.pipeline import plan_part, slice_part
-    from printer_slicer.surface import certify, find_flats, read_surface
+    from printer_slicer.object_plans import list_stack_plans
+    from printer_slicer.pipeline import plan_objects, slice_part
+    from printer_slicer.surface import certify_stacks, find_flats
 
     rows: list[dict[str, object]] = []
-    flats = find_flats(part)[0]
     jobs = _make_profiles_to_compare(profile, everything=everything)
     for done, (name, variant) in enumerate(jobs.items()):
         show(done, len(jobs), name)
-        plan = chosen if variant is profile else plan_part(part, variant)
-        program = slice_part(part, variant, plan=plan)
+        stacks = chosen if variant is profile else plan_objects(part, variant)
+        program = slice_part(part, variant, plan=list_stack_plans(stacks))
         seconds = float(move_seconds(program, variant).sum())
-        certificate = certify(read_surface(part), plan)
+        certificate = certify_stacks(stacks)
+        plan, flat_error = (
+            certificate.plan,
+            max(find_largest_flat_error(find_flats(one.mesh)[0], one.plan) for one in stacks),
+        )
         most, slowest = (rows[0]["layers"], rows[0]["seconds"]) if rows else (plan.n_layers, seconds)
         rows.append(
             {
@@ -250,7 +257,8 @@ def _compare_plans(
                 "max_error_mm": round(certificate.max_error, 6),
                 "volume_error_mm3": round(certificate.volume_error, 3),
                 "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(find_largest_flat_error(flats, plan), 6),
+                "flat_error_mm": round(flat_error, 6),
+                "stacks": collect_stack_facts(certificate),
             }
         )
     return rows
@@ -311,16 +319,23 @@ def _format_comparison(name: str, rows: list[dict[str, object]]) -> str:
     head = (
         f"  {'plan':<24}{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
     )
-    return "\n".join([f"{name}: layer plans", head, *map(_format_comparison_row, rows)])
+    return "\n".join([f"{name}: layer plans", head, *(_format_comparison_row(row) for row in rows)])
 
 
 def _format_comparison_row(row: Mapping[str, Any]) -> str:
+    """Format a plan as a line of the table, followed by a line for each stack if there are several."""
+    stacks = [_format_plan_row({"plan": f"  {one['objects']}", **one}, "") for one in row["stacks"]]
+    return "\n".join([_format_plan_row(row, format_duration(row["seconds"])), *stacks])
+
+
+def _format_plan_row(row: Mapping[str, Any], duration: str) -> str:
+    """Format the numbers of a plan and its print time as a line."""
     from printer_slicer.cli.facts import format_runs
 
     deviation = f"{format_significant(row['max_error_mm'])} mm"
     volume = f"{format_significant(row['volume_error_mm3'])} mm³"
-    numbers = f"{row['layers']:>7}{format_duration(row['seconds']):>14}{deviation:>13}{volume:>15}"
-    return f"  {row['plan']:<24}{numbers}   {format_runs(row['heights'])}"
+    numbers = f"{row['layers']:>7}{duration:>14}{deviation:>13}{volume:>15}"
+    return f"  {row['plan']:<24.24}{numbers}   {format_runs(row['heights'])}"
 
 
 def _format_paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:

@@ -193,7 +193,7 @@ def _slice_plate(
     from printer_slicer.cli.models import apply_projects, release_memory_between_stages
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
-    from printer_slicer.surface import certify, read_surface
+    from printer_slicer.surface import certify_stacks
 
     with show_stages(arguments) as show:
         report = release_memory_between_stages(show)
@@ -209,7 +209,7 @@ def _slice_plate(
         seconds, objects = _measure_times(stage, profile)
         if arguments.picture:
             _draw_layer(program, 1 if arguments.layer is None else arguments.layer, arguments.picture)
-        certificate = certify(read_surface(stage.part), stage.sections.plan)
+        certificate = certify_stacks(stage.stacks)
         write_file(
             output,
             gcode_in_pieces(
