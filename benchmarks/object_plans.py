@@ -74,7 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--models", type=Path, help="folder with models; without it, plates of made parts only")
+    parser.add_argument(
+        "--models", type=Path, help="folder with models; without it, plates of made parts only"
+    )
     parser.add_argument("--plates", type=int, nargs="+", metavar="N", help="numbers of the plates, from 1")
     parser.add_argument("--processes", type=int, default=1, help="plates at once (default: %(default)s)")
     arguments = parser.parse_args(argv)
@@ -126,9 +128,7 @@ def compare(names: tuple[str, ...], models: Path | None) -> Comparison:
     )
 
 
-def _interpolate(
-    x: np.ndarray, y: np.ndarray, at: float, scale: Callable[[np.ndarray], np.ndarray]
-) -> float:
+def _interpolate(x: np.ndarray, y: np.ndarray, at: float, scale: Callable[[np.ndarray], np.ndarray]) -> float:
     """Interpolate values (n,) over `scale` of x (n,), which may be in any order."""
     order = np.argsort(x)
     return float(np.interp(scale(np.array(at)), scale(x[order]), y[order]))
