@@ -28,7 +28,7 @@ from printer_slicer.model import ObjectStack
 from printer_slicer.object_plans import list_stack_plans
 from printer_slicer.pipeline import plan_objects, slice_planned
 from printer_slicer.placing import place
-from printer_slicer.planning.layer_times import compute_error_price
+from printer_slicer.planning.shared_layer_times import compute_error_price
 from printer_slicer.profile import profile_with
 from printer_slicer.surface import certify_stacks
 

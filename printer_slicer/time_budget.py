@@ -10,6 +10,7 @@ import numpy as np
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan, Mesh, ObjectStack
 from printer_slicer.object_plans import (
+    PlanGroup,
     extract_objects,
     find_equal_groups,
     find_plan_groups,
@@ -113,31 +114,51 @@ def choose_stacks(
     error. Arguments and errors are those of `choose_plan`.
     """
     groups = [] if strategies.planner else find_plan_groups(part, profile)
-    if len(groups) < 2:
+    first = find_equal_groups(part, groups) if len(groups) > 1 else []
+    if not any(first):
         return make_stacks(part, choose_plan(part, profile, strategies, slice_planned))
-    first = find_equal_groups(part, groups)
-    meshes = {
-        groups[k]: extract_objects(part, [part.objects[i] for i in groups[k]]) for k in sorted(set(first))
-    }
-
-    def plan_groups(changes: Mapping[str, float | str]) -> tuple[ObjectStack, ...]:
-        """Plan each group of objects with changed settings."""
-        own = profile_with(profile, changes)
-        plans = {group: plan_layers(mesh, own) for group, mesh in meshes.items()}
-        owner = {i: groups[first[k]] for k, group in enumerate(groups) for i in group}
-        return make_stacks(part, [plans[owner[i]] for i in sorted(owner)], meshes)
+    plan_groups = _prepare_plans(part, groups, first, profile)
 
     def estimate_seconds(stacks: Sequence[ObjectStack]) -> float:
         """Return the time of the moves that slicing with these plans gives, s."""
         program = slice_planned(part, list_stack_plans(stacks), profile, strategies=strategies).program
         return float(move_seconds(program, profile).sum())
 
-    from printer_slicer.planning.layer_times import compute_error_price  # noqa: PLC0415 - few plates need it
+    from printer_slicer.planning.shared_layer_times import compute_error_price  # noqa: PLC0415 - few plates need it
 
     price, dials = compute_error_price(part, profile), profile.dials
     if not dials.time_budget or dials.max_layers:
         return plan_groups({"quality.planner.error_price": price})
     return _find_stacks_within_budget(dials.time_budget, price, plan_groups, estimate_seconds)
+
+
+def _prepare_plans(
+    part: Mesh, groups: Sequence[PlanGroup], first: Sequence[int], profile: Profile
+) -> _PlanFunction:
+    """Return a function that plans each group of objects; `first` has the index of the first group of equal shape."""
+    from printer_slicer.planning.shared_layer_times import compute_time_shares  # noqa: PLC0415 - few plates need it
+
+    unlike = sorted(set(first))
+    meshes = {groups[k]: extract_objects(part, [part.objects[index] for index in groups[k]]) for k in unlike}
+    shares = compute_time_shares(list(meshes.values()), [first.count(k) for k in unlike], profile)
+    least = {
+        group: profile.material.min_layer_time * share
+        for group, share in zip(meshes, shares.tolist(), strict=True)
+    }
+    if profile.quality.print_order == "by_object":  # nothing else is printed while a layer cools
+        least = dict.fromkeys(meshes, profile.material.min_layer_time)
+
+    def plan_groups(changes: Mapping[str, float | str]) -> tuple[ObjectStack, ...]:
+        """Plan each group of objects with changed settings."""
+        own = profile_with(profile, changes)
+        plans = {
+            group: plan_layers(mesh, profile_with(own, {"material.min_layer_time": least[group]}))
+            for group, mesh in meshes.items()
+        }
+        owner = {index: groups[first[k]] for k, group in enumerate(groups) for index in group}
+        return make_stacks(part, [plans[owner[index]] for index in sorted(owner)], meshes)
+
+    return plan_groups
 
 
 def _find_stacks_within_budget(

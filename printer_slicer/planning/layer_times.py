@@ -18,7 +18,6 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Float, Int
-from printer_slicer.model import Mesh
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.planning.line_timing import (
     InfillRowTimes,
@@ -30,9 +29,9 @@ from printer_slicer.planning.line_timing import (
 )
 from printer_slicer.planning.sections import measure_sections
 from printer_slicer.profile import Profile
-from printer_slicer.surface import Surface, read_surface
+from printer_slicer.surface import Surface
 
-__all__ = ["LayerTimes", "compute_error_price"]
+__all__ = ["LayerTimes"]
 
 _TRAVELS_PER_LINE: Final = (
     3.5,
@@ -57,15 +56,6 @@ class _LayerLineTimes(NamedTuple):
     inner: LineTimes
     rows: list[InfillRowTimes]
     flow: float
-
-
-def compute_error_price(mesh: Mesh, profile: Profile) -> float:
-    """Return the print time worth spending to avoid 1 mm³ of volume error, s, as `plan_optimal` does for a part."""
-    dials = profile.dials
-    if dials.error_price:
-        return dials.error_price
-    times = LayerTimes(read_surface(mesh), profile, np.array([0.0, mesh.height]))
-    return dials.error_price_ratio * times.seconds_per_mm3(profile.quality.layer_height)
 
 
 class LayerTimes:
