@@ -32,7 +32,7 @@ from printer_slicer.planning.shared_layer_times import compute_error_price
 from printer_slicer.profile import profile_with
 from printer_slicer.surface import certify_stacks
 
-PRICE_RATIOS: Final = (0.3, 0.6, 1.0, 1.8, 3.5)
+PRICE_RATIOS: Final = (0.3, 0.6, 1.0, 1.8, 3.5, 6.0, 12.0)
 """Error prices of the single plan, as multiples of that for the separate plans."""
 STL: Final = ("bp_case.stl", "crazyradio.stl", "ringing_tower.stl", "benchy.3mf")
 INCH: Final = ("idler_riser.STL", "fandisk.obj", "torus.STL")
@@ -108,8 +108,8 @@ def compare(names: tuple[str, ...], models: Path | None) -> Comparison:
         ValueError: the parts do not fit on one plate.
     """
     profile = ps.load_profile("marlin_220", quality="adaptive", changes={"quality.planner.kind": "optimal"})
-    [plate] = ps.arrange([_load(name, models) for name in names], profile)
-    part = place(repair(plate)[0], profile.printer)
+    [plate] = ps.arrange([repair(_load(name, models))[0] for name in names], profile)
+    part = place(plate, profile.printer)
     price = compute_error_price(part, profile)
 
     def measure(stacks: str, ratio: float) -> tuple[float, float]:

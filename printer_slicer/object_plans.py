@@ -15,6 +15,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.profile.planners import OptimalPlanner
 
 __all__ = [
+    "PlanGroup",
     "extract_objects",
     "find_equal_groups",
     "find_plan_groups",

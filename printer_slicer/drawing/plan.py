@@ -73,7 +73,8 @@ def draw_plan(
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
     )
     prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
-    ranges_beyond = certificate.ranges_above(tolerance) if tolerance is not None else []
+    stacks = certificate.parts or (certificate,)
+    ranges_beyond = _list_ranges_above(stacks, tolerance)
     shapes = [
         *_draw_head(title, certificate, ranges_beyond, tolerance),
         *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _LEGEND_GAP)),
@@ -81,12 +82,19 @@ def draw_plan(
         *_draw_flat_marks(axis, front, flats),
         *draw_front(sections, colours, axis, front, scale),
         *draw_deviation(certificate, ranges_beyond, axis, error, tolerance=tolerance),
-        *draw_heights(plan, colours, axis, heights),
+        *draw_heights([one.plan for one in stacks], colours, axis, heights),
         *prisms,
         *_draw_panel_titles(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
     ]
     height = round(axis.floor + _FOOT)
     return Picture(_WIDTH, height, tuple(shapes), f"{title}: layer plan, {_format_layer_count(plan)}")
+
+
+def _list_ranges_above(
+    stacks: Sequence[Certificate], tolerance: float | None
+) -> list[tuple[float, float, float]]:
+    """Return the height ranges in which any stack exceeds the tolerance: low, high, bound, mm."""
+    return [] if tolerance is None else [row for one in stacks for row in one.ranges_above(tolerance)]
 
 
 def _draw_head(

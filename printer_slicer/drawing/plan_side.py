@@ -120,13 +120,17 @@ def draw_deviation(
         panel: where to draw.
         tolerance: mm, or None.
     """
-    plan, bound = certificate.plan, certificate.bound
-    most = 1.08 * (max(certificate.max_error, tolerance or 0.0) or float(plan.height.max()))
+    most = 1.08 * (max(certificate.max_error, tolerance or 0.0) or float(certificate.plan.height.max()))
     scale = panel.width / most
     yield from _draw_x_axis(most, axis, panel)
-    curve = np.column_stack([panel.left + scale * np.repeat(bound, 2), _find_layer_edges(plan, axis)])
-    foot = np.array([(panel.left, axis.y(axis.total)), (panel.left, axis.floor)])
-    yield Fill((np.concatenate([curve, foot]),), _ERROR, "error")
+    curves = list[Shape]()
+    for one in certificate.parts or (certificate,):
+        widths = panel.left + scale * np.repeat(one.bound, 2)
+        top = axis.y(float(one.plan.top[-1])) if certificate.parts else axis.y(axis.total)
+        foot = np.array([(panel.left, top), (panel.left, axis.floor)])
+        curve = np.column_stack([widths, _find_layer_edges(one.plan, axis)])
+        yield Fill((np.concatenate([curve, foot]),), _ERROR, "error")
+        curves.append(Line(curve, _CURVE, _limit_line_width(1.6, one.plan, axis)))
     if tolerance is not None:
         limit = panel.left + scale * tolerance
         for low, high, worst in ranges_beyond:
@@ -140,21 +144,33 @@ def draw_deviation(
         label = f"tolerance {tolerance:g}"
         x = min(limit, panel.right + 24 - estimate_text_width(label, _LABEL) / 2)
         yield Text(x, axis.y(axis.total) - 24, label, _LABEL, _DARK, "middle")
-    yield Line(curve, _CURVE, _limit_line_width(1.6, plan, axis))
+    yield from curves
 
 
-def draw_heights(plan: LayerPlan, colours: Sequence[str], axis: ZAxis, panel: Panel) -> Iterator[Shape]:
-    """Draw layer height over z, each layer in its colour."""
-    most = 1.08 * float(plan.height.max())
+def draw_heights(
+    plans: Sequence[LayerPlan], colours: Sequence[str], axis: ZAxis, panel: Panel
+) -> Iterator[Shape]:
+    """Draw layer height over z: each layer of a single plan in its colour, or a line for each of several plans."""
+    most = 1.08 * max(float(plan.height.max()) for plan in plans)
     scale = panel.width / most
     yield from _draw_x_axis(most, axis, panel)
+    if len(plans) == 1:
+        yield from _draw_runs(plans[0], colours, axis, panel, scale)
+    for plan in plans:
+        widths = panel.left + scale * np.repeat(plan.height, 2)
+        curve = np.column_stack([widths, _find_layer_edges(plan, axis)])
+        yield Line(curve, "#444444", _limit_line_width(1.2, plan, axis))
+
+
+def _draw_runs(
+    plan: LayerPlan, colours: Sequence[str], axis: ZAxis, panel: Panel, scale: float
+) -> Iterator[Shape]:
+    """Draw each run of equal layers as a box in its colour; `scale` is in px per mm of layer height."""
     k = plan.n_layers
     for count, height in reversed(plan.runs()):
         top, k = axis.y(float(plan.top[k - 1])), k - count
         tall = axis.y(float(plan.bottom[k])) - top + (_OVERLAP if k else 0)
         yield Box(panel.left, top, scale * height, tall, colours[k], name="height")
-    curve = np.column_stack([panel.left + scale * np.repeat(plan.height, 2), _find_layer_edges(plan, axis)])
-    yield Line(curve, "#444444", _limit_line_width(1.2, plan, axis))
 
 
 def _limit_line_width(width: float, plan: LayerPlan, axis: ZAxis) -> float:
