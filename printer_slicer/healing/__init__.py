@@ -31,7 +31,8 @@ def repair(mesh: Mesh) -> tuple[Mesh, Repairs]:
     6. Fill holes, see `fill_holes`.
     7. Make shells face outward, except for voids, see `orient_outward`.
 
-    A mesh that needs no repair is returned unchanged.
+    Objects whose bounding boxes are apart are repaired one by one, so that their facets stay known. A mesh that needs
+    no repair is returned unchanged.
 
     Raises:
         MeshError: the surface is one-sided, or no facets remain.
@@ -62,6 +63,7 @@ def _repair_unless_sound(mesh: Mesh) -> tuple[Mesh, Repairs]:
     """Run the steps that `repair` lists, unless the mesh is sound."""
     if is_sound(mesh.triangles):
         return mesh, Repairs(sound=True)
+    from printer_slicer.healing.separate_objects import are_separate, repair_objects  # noqa: PLC0415 - few need it
     from printer_slicer.healing.steps import run_steps  # noqa: PLC0415 - most meshes are sound
 
-    return run_steps(mesh)
+    return repair_objects(mesh) if are_separate(mesh) else run_steps(mesh)
