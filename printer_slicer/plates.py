@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from math import ceil, hypot
 from types import NoneType
 from typing import Final
@@ -81,7 +82,7 @@ def choose_gap(meshes: Sequence[Mesh], profile: Profile) -> float:
     """
     if profile.quality.print_order == "by_layer" or len(meshes) < 2:
         return PART_GAP
-    printer, height = profile.printer, max(float(mesh.size[2]) for mesh in meshes)
+    printer, height = profile.printer, max(_measure_top(mesh, profile) for mesh in meshes)
     widest = max(printer.bed_x, printer.bed_y)
     reach = [max(hypot(x, y) for x, y in one.corners) for one in printer.head_shapes if one.height < height]
     return max([PART_GAP, *(ceil(10 * value) / 10 for value in reach if value < widest)])
@@ -105,7 +106,11 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     remedy += ", or print it without brim, raft or supports" if any(rooms.values()) else ""
     outlines = [outline_of[id(mesh)] for mesh in meshes]
     spacing, tall = max(gap, measure_spacing(profile)), _find_parts_above_gantry(meshes, profile)
-    return arrange_outlines(outlines, names, bed, spacing, one_per_plate=tall, remedy=remedy)
+    arrangement = arrange_outlines(outlines, names, bed, spacing, one_per_plate=tall, remedy=remedy)
+    above_bars = _find_parts_above_bars(meshes, outlines, arrangement, profile)
+    if not above_bars:
+        return arrangement
+    return arrange_outlines(outlines, names, bed, spacing, one_per_plate=tall | above_bars, remedy=remedy)
 
 
 def _find_parts_above_gantry(meshes: Sequence[Mesh], profile: Profile) -> frozenset[int]:
@@ -121,7 +126,51 @@ def _find_parts_above_gantry(meshes: Sequence[Mesh], profile: Profile) -> frozen
         corners = np.array(shape.corners)
         if (corners.min(axis=0) <= -reach).all() and (corners.max(axis=0) >= reach).all():
             lowest = min(lowest, shape.height)
-    return frozenset(at for at, mesh in enumerate(meshes) if mesh.size[2] > lowest)
+    return frozenset(at for at, mesh in enumerate(meshes) if _measure_top(mesh, profile) > lowest)
+
+
+def _measure_top(mesh: Mesh, profile: Profile) -> float:
+    """Return the height of a part with its raft, mm."""
+    quality = profile.quality
+    return float(mesh.size[2]) + (quality.raft_height + quality.raft_gap if quality.raft_height else 0.0)
+
+
+def _find_parts_above_bars(
+    meshes: Sequence[Mesh], outlines: Sequence[Areas], arrangement: Arrangement, profile: Profile
+) -> frozenset[int]:
+    """Return the indices of parts that are higher than a bar of the head and not in rows along it.
+
+    A bar is a shape that is as long as the bed in x or in y only. If parts are printed one after the other, those that
+    are higher must be farther apart across the bar than it reaches.
+    """
+    printer, found = profile.printer, set[int]()
+    if profile.quality.print_order == "by_layer":
+        return frozenset()
+    longest = max(printer.bed_x, printer.bed_y)
+    for shape in printer.head_shapes:
+        corners = np.array(shape.corners)
+        is_long = (corners.min(axis=0) <= -longest) & (corners.max(axis=0) >= longest)
+        if is_long.sum() != 1:
+            continue
+        across = int(is_long.argmin())
+        tall = [
+            at
+            for at, mesh in enumerate(meshes)
+            if _measure_top(mesh, profile) > shape.height and outlines[at].n_rings
+        ]
+        spans = {at: _measure_span(outlines[at], arrangement, at, across) for at in tall}
+        for a, b in combinations(tall, 2):
+            distance = max(spans[a][0] - spans[b][1], spans[b][0] - spans[a][1])
+            if arrangement.plate[a] == arrangement.plate[b] and distance < np.abs(corners[:, across]).max():
+                found |= set(tall)
+    return frozenset(found)
+
+
+def _measure_span(outline: Areas, arrangement: Arrangement, part: int, axis: int) -> tuple[float, float]:
+    """Return the lowest and the highest x (axis 0) or y (axis 1) of a part at its place, mm."""
+    c, s = cosine_and_sine(float(arrangement.angle[part]))
+    values = outline.xy @ np.array([[c, -s], [s, c]])[axis] + arrangement.shift[part, axis]
+    return float(values.min()), float(values.max())
 
 
 def _name_surroundings(room: float, profile: Profile) -> str:

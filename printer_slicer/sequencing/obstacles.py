@@ -7,7 +7,8 @@ height z. N is replaced by its convex hull, so some orders that would just be po
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations
 from typing import Final, NamedTuple
 
@@ -17,8 +18,15 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, convex_hull, intersection, offset
 from printer_slicer.profile import Printer
 from printer_slicer.sequencing.extents import ObjectExtent
+from printer_slicer.values import replace
 
-__all__ = ["Obstacle", "list_obstacles", "measure_gantry_height", "measure_missing_distance"]
+__all__ = [
+    "MissingDistance",
+    "Obstacle",
+    "list_obstacles",
+    "measure_gantry_height",
+    "measure_missing_distance",
+]
 
 _LONGEST: Final = 500.0  # mm; a shape that reaches farther is a gantry, from which no distance helps
 _ACCURACY: Final = 0.05  # mm, of missing distances
@@ -81,15 +89,42 @@ def _find_contacts(swept: _Swept, margin: float = 0.0) -> Bool:
     return intersection(areas, swept.above).used
 
 
-def measure_missing_distance(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> float:
-    """Return by how much an object must be farther from `first` to be printed after it, mm; inf: no distance helps."""
+class MissingDistance(NamedTuple):
+    """By how much two objects must be farther apart, mm (inf: no distance helps), in `x`, `y` or any axis (empty)."""
+
+    distance: float
+    axis: str
+
+
+def measure_missing_distance(first: ObjectExtent, later: ObjectExtent, printer: Printer) -> MissingDistance:
+    """Return by how much an object must be farther from `first` to be printed after it.
+
+    If a bar is in the way, distance along the bar does not help, so the direction is across it.
+    """
     swept = _sweep_head(first, later, printer)
     if _find_contacts(swept, _LONGEST).any():
-        return np.inf
+        return MissingDistance(np.inf, "")
+    low, high = swept.areas.boxes()
+    along = ((high - low)[_find_contacts(swept)] > 2 * _LONGEST).any(axis=0)
+    if not along.any():
+        return MissingDistance(_bisect(lambda margin: bool(_find_contacts(swept, margin).any())), "")
+    across = np.where(along, 0.0, 1.0)
+    moves = [_bisect(partial(_touches_after_move, swept, way)) for way in (across, -across)]
+    return MissingDistance(min(moves), "xy"[int(across.argmax())])
+
+
+def _touches_after_move(swept: _Swept, direction: Float, distance: float) -> bool:
+    """Return whether swept areas meet what is printed after they are moved by a distance, mm, along a vector (2,)."""
+    moved = replace(swept.areas, xy=swept.areas.xy + distance * direction)
+    return bool(_find_contacts(swept._replace(areas=moved)).any())
+
+
+def _bisect(touches: Callable[[float], bool]) -> float:
+    """Return the smallest distance at which nothing is touched, mm."""
     low, high = 0.0, _LONGEST
     while high - low > _ACCURACY:
         middle = (low + high) / 2
-        low, high = (middle, high) if _find_contacts(swept, middle).any() else (low, middle)
+        low, high = (middle, high) if touches(middle) else (low, middle)
     return high
 
 

@@ -20,6 +20,9 @@ from printer_slicer.sequencing.obstacles import (
 __all__ = ["find_print_order"]
 
 _REMEDY: Final = "Arrange the parts farther apart, or print them layer by layer (print_order = by_layer)"
+_REMEDY_FOR_GANTRY: Final = (
+    "Put them on separate plates, or print them layer by layer (print_order = by_layer)"
+)
 
 
 def find_print_order(extents: Sequence[ObjectExtent], printer: Printer) -> tuple[int, ...]:
@@ -34,22 +37,27 @@ def find_print_order(extents: Sequence[ObjectExtent], printer: Printer) -> tuple
         blocked = {one.first for one in obstacles if one.first in left and one.later in left}
         free = sorted(left - blocked, key=lambda index: (extents[index].top, index))
         if not free:
-            raise PartError(_describe_nearest(extents, printer, obstacles, left), remedy=_REMEDY)
+            raise _make_order_error(extents, printer, obstacles, left)
         order.append(free[0])
         left.remove(free[0])
     return tuple(order)
 
 
-def _describe_nearest(
+def _make_order_error(
     extents: Sequence[ObjectExtent], printer: Printer, obstacles: Sequence[Obstacle], left: set[int]
-) -> str:
-    """Describe the obstacle between the objects `left` that the shortest distance would remove."""
+) -> PartError:
+    """Return an error that describes the obstacle between objects `left` that the shortest distance would remove."""
     within = [one for one in obstacles if one.first in left and one.later in left]
     missing = [measure_missing_distance(extents[one.first], extents[one.later], printer) for one in within]
-    at = int(np.argmin(missing))
+    at = int(np.argmin([one.distance for one in missing]))
     first, later = (extents[index] for index in within[at])
     text = f"{first.name} and {later.name} cannot be printed one after the other: the head would touch {first.name}"
-    if missing[at] < np.inf:
-        return f"{text}; {np.ceil(10 * missing[at]) / 10:g} mm more distance would be enough"
-    room = measure_gantry_height(first, later, printer)
-    return f"{text} at any distance, because both are higher than the {room:g} mm between nozzle and gantry"
+    distance, axis = missing[at]
+    if distance < np.inf:
+        where = f" in {axis}" if axis else ""
+        reason, remedy = f"; {np.ceil(10 * distance) / 10:g} mm more distance{where} would be enough", _REMEDY
+    else:
+        room = measure_gantry_height(first, later, printer)
+        reason = f" at any distance, because both are higher than the {room:g} mm between nozzle and gantry"
+        remedy = _REMEDY_FOR_GANTRY
+    return PartError(text + reason, remedy=remedy)

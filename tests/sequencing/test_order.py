@@ -98,8 +98,10 @@ def test_what_is_higher_than_the_gantry_comes_last() -> None:
     assert find_print_order(extents, printer) == (2, 1, 0)
 
     extents.append(block("mast", (90, 0), (9, 9, 30)))
-    with pytest.raises(PartError, match="at any distance, because both are higher than the 15 mm"):
+    with pytest.raises(PartError, match="at any distance, because both are higher than the 15 mm") as caught:
         find_print_order(extents, printer)
+    assert caught.value.remedy is not None
+    assert "separate plates" in caught.value.remedy
 
 
 def test_a_bar_along_x_allows_tall_blocks_in_rows() -> None:
@@ -107,8 +109,11 @@ def test_a_bar_along_x_allows_tall_blocks_in_rows() -> None:
     rows = [block("front", (0, 0), (9, 9, 40)), block("back", (0, 40), (9, 9, 40))]
     assert find_print_order(rows, printer) == (0, 1)
 
-    with pytest.raises(PartError, match="cannot"):
+    with pytest.raises(PartError, match="mm more distance in y would") as caught:
         find_print_order([rows[0], block("beside", (60, 0), (9, 9, 40))], printer)
+    missing = float(re.findall(r"([\d.]+) mm more", str(caught.value))[0])
+    assert missing == pytest.approx(29, abs=0.15)
+    find_print_order([rows[0], block("beside", (60, missing), (9, 9, 40))], printer)
 
 
 def test_a_head_that_reaches_to_one_side_decides_the_order() -> None:

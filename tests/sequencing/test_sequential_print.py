@@ -237,6 +237,21 @@ def test_arranged_plates_have_at_most_one_part_that_is_higher_than_the_gantry() 
     assert find_contacts(ps.slice_stages(plates[0], load(), placement=AS_PLACED), load().printer) == 0
 
 
-def test_a_gantry_that_is_a_bar_lets_high_parts_share_a_plate() -> None:
-    parts = [ps.Mesh(box((10, 10, z)).triangles, f"z{z}") for z in (20, 15)]
-    assert len(ps.arrange(parts, load(**{"printer.head": "0: 15, 12: -9999x-20 9999x20"}))) == 1
+@pytest.mark.parametrize("gap", [None, 40.0])
+@pytest.mark.parametrize("bar", ["-9999x-20 9999x20", "-20x-9999 20x9999"])
+def test_high_parts_share_a_plate_only_in_rows_along_a_gantry_that_is_a_bar(
+    bar: str, gap: float | None
+) -> None:
+    profile = load(**{"printer.head": f"0: 8, 12: {bar}"})
+    parts = [ps.Mesh(box((12, 12, z)).triangles, f"z{z}") for z in (20, 15, 8)]
+    plates = ps.arrange(parts, profile, gap=gap)
+    assert len(plates) <= 2
+    for one in plates:
+        ps.slice_stages(one, profile, placement=AS_PLACED)
+
+
+def test_the_raft_counts_for_the_height_of_arranged_parts() -> None:
+    profile = load(raft_height=1.0)
+    parts = [ps.Mesh(box((12, 12, 12)).triangles, name) for name in ("one", "two")]
+    assert len(ps.arrange(parts, load())) == 1
+    assert len(ps.arrange(parts, profile)) == 2
