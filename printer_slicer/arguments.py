@@ -34,6 +34,7 @@ _REMEDIES: Final[Mapping[str, str]] = {
     "bytes": 'Pass a file name, pathlib.Path("part.gcode").read_bytes(), or job.text',
     "list": "Pass a list, such as [mesh]",
     "int": "Pass a whole number, without quotes",
+    "float": "Pass a number, without quotes",
     "str": 'Pass text such as "part.stl"',
 }
 """Name of a type -> how to get a value of it."""
@@ -45,6 +46,7 @@ _NAME_REMEDIES: Final[Mapping[str, str]] = {
 """Argument that takes the name of a profile -> what to pass."""
 _WORDS: Final[Mapping[str, str]] = {
     "int": "whole number",
+    "float": "number",
     "str": "file name or a name",
     "bytes": "bytes object",
 }

@@ -39,7 +39,7 @@ _SLACK: Final = 1e-6  # mm
 _TOLERANCE: Final = 0.05  # mm; larger outlines are enlarged by this, then simplified within it
 
 
-@check_arguments(profile=Profile, gap=(int, float, NoneType))
+@check_arguments(profile=Profile, gap=(float, int, NoneType))
 def arrange(meshes: Sequence[Mesh], profile: Profile, *, gap: float | None = None) -> tuple[Mesh, ...]:
     """Arrange parts on few plates.
 
@@ -105,7 +105,8 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
     remedy = "Choose a larger printer, or scale the part"
     remedy += ", or print it without brim, raft or supports" if any(rooms.values()) else ""
     outlines = [outline_of[id(mesh)] for mesh in meshes]
-    spacing, tall = max(gap, measure_spacing(profile)), _find_parts_above_gantry(meshes, profile)
+    spacing = min(max(gap, measure_spacing(profile)), hypot(*bed.size.tolist()))  # at most the bed's diagonal
+    tall = _find_parts_above_gantry(meshes, profile)
     arrangement = arrange_outlines(outlines, names, bed, spacing, one_per_plate=tall, remedy=remedy)
     above_bars = _find_parts_above_bars(meshes, outlines, arrangement, profile)
     if not above_bars:

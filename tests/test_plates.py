@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 import printer_slicer as ps
+from printer_slicer.errors import UsageError
 from printer_slicer.plates import PART_GAP, measure_room
 from printer_slicer.surface.top_view import project_from_above
 from tests.parts import box, box_with_hole, joined
@@ -113,6 +114,15 @@ def test_a_part_higher_than_the_printer_is_named() -> None:
 def test_a_gap_that_is_no_distance_is_rejected(gap: float) -> None:
     with pytest.raises(ps.PrinterSlicerError, match="gap"):
         ps.arrange([TABLE], PROFILE, gap=gap)
+
+
+def test_a_gap_larger_than_the_bed_puts_each_part_on_a_plate() -> None:
+    assert len(ps.arrange([named("box", (10, 10, 5))] * 2, PROFILE, gap=1e9)) == 2
+
+
+def test_a_gap_that_is_no_number_is_rejected() -> None:
+    with pytest.raises(UsageError, match="must be a number, not a value of type str"):
+        ps.arrange([named("box", (10, 10, 5))], PROFILE, gap="6")  # type: ignore[arg-type]
 
 
 def test_no_parts_are_rejected() -> None:
