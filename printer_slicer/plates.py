@@ -17,7 +17,7 @@ from printer_slicer.arranging import Arrangement, FreeArea, arrange_outlines
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.excluded_areas import read_excluded_areas
-from printer_slicer.geometry import Areas, offset, simplify
+from printer_slicer.geometry import Areas, convex_hull, offset, simplify
 from printer_slicer.geometry.vectors import cosine_and_sine
 from printer_slicer.model import Mesh
 from printer_slicer.placing import join, transform
@@ -98,7 +98,8 @@ def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP)
         _check_height(mesh, profile)
     known = {id(mesh): mesh for mesh in meshes}
     rooms = {key: measure_room(mesh, profile) for key, mesh in known.items()}
-    outline_of = {key: _find_outline(mesh, rooms[key]) for key, mesh in known.items()}
+    by_object = profile.quality.print_order == "by_object" and len(meshes) > 1
+    outline_of = {key: _find_outline(mesh, rooms[key], is_convex=by_object) for key, mesh in known.items()}
     low, high = map(np.array, profile.printer.free_corners)
     bed = FreeArea(low, high, read_excluded_areas(profile.printer))
     names = [f"{mesh.name}: the part{_name_surroundings(rooms[id(mesh)], profile)}" for mesh in meshes]
@@ -196,9 +197,14 @@ def measure_room(mesh: Mesh, profile: Profile) -> float:
     return room
 
 
-def _find_outline(mesh: Mesh, around: float) -> Areas:
-    """Return the outline of a part seen from above, wider by `around` mm."""
+def _find_outline(mesh: Mesh, around: float, *, is_convex: bool) -> Areas:
+    """Return the outline of a part seen from above, wider by `around` mm.
+
+    With `is_convex`, it is the convex hull, as the nozzle is assumed to go anywhere in it.
+    """
     outline = project_from_above(mesh)
+    if is_convex and outline.n_rings:
+        outline = convex_hull(outline.xy)
     if len(outline.xy) > _MAX_POINTS:
         outline = simplify(offset(outline, _TOLERANCE, join="round"), _TOLERANCE)
     return offset(outline, around, join="round") if around else outline

@@ -255,3 +255,11 @@ def test_the_raft_counts_for_the_height_of_arranged_parts() -> None:
     parts = [ps.Mesh(box((12, 12, 12)).triangles, name) for name in ("one", "two")]
     assert len(ps.arrange(parts, load())) == 1
     assert len(ps.arrange(parts, profile)) == 2
+
+
+def test_no_arranged_part_stands_in_a_notch_of_another() -> None:
+    corner = joined([box((60, 8, 20)), box((8, 60, 20))])
+    parts = [ps.Mesh(corner.triangles, "corner"), ps.Mesh(box((6, 6, 6)).triangles, "cube")]
+    profile = load(**{"printer.head": "0: 10, 12: -9999x-9999 9999x9999"})
+    (plate,) = ps.arrange(parts, profile)
+    assert sorted(list_objects(ps.slice_stages(plate, profile, placement=AS_PLACED))) == [0, 1]
