@@ -20,7 +20,7 @@ from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.object_profiles import MODIFIER_SETTINGS
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut_closed
-from printer_slicer.supports.carried_bridges import replace_carried_bridges
+from printer_slicer.supports.bridges_on_supports import replace_bridges_on_supports
 from printer_slicer.values import Struct, replace
 
 __all__ = [
@@ -105,7 +105,7 @@ def divide_regions(
     inside = []
     carried = regions.bottom_solid_infill.of_layers(np.arange(regions.plan.n_layers) > 0)
     for one in modifiers:
-        own = replace_carried_bridges(classify(sections, walls, one.profile), carried)
+        own = replace_bridges_on_supports(classify(sections, walls, one.profile), carried)
         regions, own = _divide(regions, own, one.area)
         inside.append(own)
     return regions, inside

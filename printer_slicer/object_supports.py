@@ -89,10 +89,10 @@ def find_object_overhangs(  # noqa: PLR0913 - the results of all stages
                 overhangs = find_overhangs(solid, area, own)
                 is_steered = mesh.volumes is not None or own.quality.support_places == "enforced"
                 if is_steered and (always_steer or own.quality.support != "off"):
-                    from printer_slicer.supports.steering import steer  # noqa: PLC0415 - most parts have no volumes
+                    from printer_slicer.supports.enforcers import apply_enforcers_and_blockers  # noqa: PLC0415 - most parts have no volumes
 
                     volumes = cut_volumes(mesh.volumes or Volumes(), solid.plan)
-                    overhangs = steer(overhangs, solid, volumes, own.quality)
+                    overhangs = apply_enforcers_and_blockers(overhangs, solid, volumes, own.quality)
                 if inside:
                     overhangs = _select_place(overhangs, place, inside, own)
                 found.append(
@@ -105,7 +105,7 @@ def _select_place(
     overhangs: Overhangs, place: Modifier | None, inside: Sequence[Modifier], profile: Profile
 ) -> Overhangs:
     """Return what hangs within a modifier, or outside all modifiers if `place` is None."""
-    from printer_slicer.supports.steering import select_overhangs  # noqa: PLC0415 - few parts have modifiers
+    from printer_slicer.supports.enforcers import select_overhangs  # noqa: PLC0415 - few parts have modifiers
 
     if place is not None:
         return select_overhangs(overhangs, place.area, profile.quality, inside=True)
@@ -151,9 +151,9 @@ def make_object_supports(
     if not alike:
         return None, []
     from printer_slicer.support_times import measure_group_times  # noqa: PLC0415 - most parts have no supports
-    from printer_slicer.supports.levels import plan_shared_layers  # noqa: PLC0415
     from printer_slicer.supports.stacking import make_obstacles  # noqa: PLC0415
     from printer_slicer.supports.styles import make_supports  # noqa: PLC0415
+    from printer_slicer.supports.support_layers import plan_shared_layers  # noqa: PLC0415
 
     report("supports")
     groups = list(alike.values())
@@ -200,9 +200,9 @@ def _replace_bridges(
         plan: which of that supports carry.
         regions: of each object of the plate.
     """
-    from printer_slicer.supports.carried_bridges import replace_carried_bridges  # noqa: PLC0415
+    from printer_slicer.supports.bridges_on_supports import replace_bridges_on_supports  # noqa: PLC0415
 
     for one in group:
         carrier = plan.carrier[together.plan.find_tops(one.overhangs.plan.top)]
         carried = one.overhangs.area.of_layers(carrier >= 0)
-        regions[one.index] = replace_carried_bridges(regions[one.index], carried)
+        regions[one.index] = replace_bridges_on_supports(regions[one.index], carried)

@@ -167,7 +167,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     if strict:
         require_no_repair(part.name, repairs)
     if strict_supports:
-        from printer_slicer.supports.bare_islands import require_supported_islands  # noqa: PLC0415 - only on request
+        from printer_slicer.supports.unsupported_islands import require_supported_islands  # noqa: PLC0415 - only on request
 
         require_supported_islands(part.name, stages.overhangs, stages.supports, shift)
     return replace(stages, repairs=repairs, shift=shift, stacks=stacks if len(stacks) > 1 else stages.stacks)

@@ -9,7 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, intersection, split_connected
-from printer_slicer.model import Bare
+from printer_slicer.model import UnsupportedPlace
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.stages import Stages
@@ -89,7 +89,7 @@ def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
     return warnings
 
 
-def _list_idle_warnings(idle: Sequence[Bare], reason: str, stages: Stages) -> list[str]:
+def _list_idle_warnings(idle: Sequence[UnsupportedPlace], reason: str, stages: Stages) -> list[str]:
     """Return a warning about each of the first enforcers or blockers without effect."""
     places = [(np.array([one.x, one.y, one.z]) + stages.shift).tolist() for one in idle[:_MOST_PLACES]]
     return [f"{reason} at x, y, z {x:.1f}, {y:.1f}, {z:.1f}, so it has no effect" for x, y, z in places]

@@ -10,12 +10,12 @@ from printer_slicer.arrays import Bool
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.extrusion.cooling import find_next_extrusions
 from printer_slicer.geometry import Areas, difference, intersection
-from printer_slicer.model import Bare, Program, Sections, Supports
+from printer_slicer.model import Program, Sections, Supports, UnsupportedPlace
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_support_styles
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
-from printer_slicer.supports.firmness import find_grips, find_slim_pieces
+from printer_slicer.supports.findings import find_grips, find_slim_pieces
 from printer_slicer.texts import format_count, format_duration, format_significant
 
 __all__ = ["collect_support_facts", "format_support_sentences"]
@@ -23,7 +23,7 @@ __all__ = ["collect_support_facts", "format_support_sentences"]
 _MOST_PLACES: Final = 3  # places without support that are told
 _MOST_LISTED: Final = 20  # the same in JSON
 _LEAST_COLUMN: Final = 0.1  # mm² in all layers; less is rounding
-_LANDING_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
+_CONTACT_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
 
 
 def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
@@ -48,11 +48,11 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
         "filament_g": round(volume / 1000 * profile.material.density, 3),
         "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
         "on_bed_mm2": round(float(area.area()[:1].sum()), 3),
-        "on_part_mm2": round(_measure_landings(supports, area, stages.sections), 3),
+        "on_part_mm2": round(_measure_area_on_part(supports, area, stages.sections), 3),
         "largest_gap_error_mm": round(supports.plan.flat_gap_error, 6),
-        "bare_mm2": round(sum(place.area for place in supports.bare), 3),
-        "bare_islands": sum(place.is_island for place in supports.bare),
-        "bare": _list_largest(supports.bare, stages),
+        "bare_mm2": round(sum(place.area for place in supports.unsupported), 3),
+        "bare_islands": sum(place.is_island for place in supports.unsupported),
+        "bare": _list_largest(supports.unsupported, stages),
         "grips": _list_grips(supports, stages),
         "slim": _list_slim_pieces(supports, stages),
     }
@@ -78,14 +78,14 @@ def _mark_supports(program: Program) -> Bool:
     return np.asarray(np.append(carries, False)[find_next_extrusions(program.role, 0, program.n_moves)])
 
 
-def _measure_landings(supports: Supports, area: Areas, part: Sections) -> float:
+def _measure_area_on_part(supports: Supports, area: Areas, part: Sections) -> float:
     """Return the area of supports that stand on the part, mm²."""
-    below = np.searchsorted(part.plan.top, supports.plan.layers.bottom - _LANDING_DEPTH)
+    below = np.searchsorted(part.plan.top, supports.plan.layers.bottom - _CONTACT_DEPTH)
     begins = difference(area.of_layers(np.arange(1, area.n_layers)), area.shift_layers(1))
     return float(intersection(begins, part.solid.copy_layers(below)).area().sum())
 
 
-def _list_largest(bare: tuple[Bare, ...], stages: Stages) -> list[dict[str, Any]]:
+def _list_largest(bare: tuple[UnsupportedPlace, ...], stages: Stages) -> list[dict[str, Any]]:
     """Return the largest places without support, islands first."""
     places = sorted(bare, key=lambda place: (not place.is_island, -place.area))[:_MOST_LISTED]
     shift = stages.shift.tolist()

@@ -21,7 +21,7 @@ from printer_slicer.model.paths import (
 )
 from printer_slicer.model.plate_objects import Labels, PlateObject
 from printer_slicer.model.section_stacks import fill_layers, stack_sections
-from printer_slicer.model.supports import Bare, SupportPlan, Supports
+from printer_slicer.model.supports import SupportPlan, Supports, UnsupportedPlace
 from printer_slicer.model.travels import Travels, find_travel_ends
 from printer_slicer.model.volumes import Volumes, VolumeSections
 from printer_slicer.model.walls import Walls
@@ -29,7 +29,6 @@ from printer_slicer.model.walls import Walls
 __all__ = [
     "Acceleration",
     "Areas",
-    "Bare",
     "Contours",
     "Event",
     "Fan",
@@ -53,6 +52,7 @@ __all__ = [
     "ToolChange",
     "Toolpaths",
     "Travels",
+    "UnsupportedPlace",
     "VolumeSections",
     "Volumes",
     "Walls",

@@ -9,7 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
 from printer_slicer.geometry import Areas, intersection
 from printer_slicer.model.layers import LayerPlan
-from printer_slicer.model.supports import Bare
+from printer_slicer.model.supports import UnsupportedPlace
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, force_setattr, replace
 
@@ -37,9 +37,9 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
     islands: Areas
     bridged: Areas
     is_flat: Bool
-    blocked: tuple[Bare, ...] = ()
-    idle_enforcers: tuple[Bare, ...] = ()
-    idle_blockers: tuple[Bare, ...] = ()
+    blocked: tuple[UnsupportedPlace, ...] = ()
+    idle_enforcers: tuple[UnsupportedPlace, ...] = ()
+    idle_blockers: tuple[UnsupportedPlace, ...] = ()
 
     def __post_init__(self) -> None:
         force_setattr(self, "ring_patch", frozen_array(self.ring_patch, np.int64, (self.area.n_rings,)))

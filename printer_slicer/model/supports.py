@@ -12,7 +12,7 @@ from printer_slicer.model.layers import LayerPlan
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, field, force_setattr, replace
 
-__all__ = ["Bare", "SupportPlan", "Supports"]
+__all__ = ["SupportPlan", "Supports", "UnsupportedPlace"]
 
 
 class SupportPlan(Struct, frozen=True, eq=False):
@@ -51,7 +51,7 @@ class SupportPlan(Struct, frozen=True, eq=False):
         return cls(parts[0].layers, carrier, gap, max(part.flat_gap_error for part in parts))
 
 
-class Bare(Struct, frozen=True):
+class UnsupportedPlace(Struct, frozen=True):
     """A place that hangs and gets no support.
 
     Attributes:
@@ -83,7 +83,7 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
         joists: (lines as areas) single lines that carry the roof between the tips of trees.
         hollow: the part of `base` that is printed as loops only: branches of trees.
         branches: (B, 8) z, x, y and radius of the lower end, then of the upper end of each piece of a branch, mm.
-        bare: places without support.
+        unsupported: places without support.
         interface_angle: (R,) radians for each ring of `interface`: direction of its lines, across the joists below; nan
             where any direction will do.
     """
@@ -95,7 +95,7 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
     joists: Areas
     hollow: Areas
     branches: Float = field(default_factory=lambda: np.zeros((0, 8)))
-    bare: tuple[Bare, ...] = ()
+    unsupported: tuple[UnsupportedPlace, ...] = ()
     interface_angle: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
@@ -119,7 +119,7 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
             plan,
             **stacks,
             branches=np.concatenate([part.branches for part in parts]),
-            bare=tuple(place for part in parts for place in part.bare),
+            unsupported=tuple(place for part in parts for place in part.unsupported),
             interface_angle=angle,
         )
 

@@ -17,7 +17,7 @@ from printer_slicer.geometry.raster import Float32
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.planning.line_timing import time_moves
 from printer_slicer.profile import Profile
-from printer_slicer.supports.levels import find_height_limits
+from printer_slicer.supports.support_layers import find_height_limits
 
 __all__ = ["PrintTimes", "ShellVolumes"]
 

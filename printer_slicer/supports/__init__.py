@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from printer_slicer.supports.hanging import find_overhangs
+from printer_slicer.supports.overhangs import find_overhangs
 
 __all__ = ["find_overhangs"]

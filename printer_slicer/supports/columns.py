@@ -23,7 +23,7 @@ from printer_slicer.geometry import (
     union,
 )
 from printer_slicer.geometry.layer_union import unite_layers
-from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, SupportPlan, Supports
+from printer_slicer.model import LayerPlan, Overhangs, Sections, SupportPlan, Supports, UnsupportedPlace
 from printer_slicer.profile import Profile
 from printer_slicer.supports.blocked_areas import find_blocked_areas, find_gaps_above
 from printer_slicer.supports.interfaces import divide_columns
@@ -86,7 +86,7 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
         columns, contacts, _find_ground(sections, layers), quality.support_interface_layers
     )
     none = Areas.empty(layers.n_layers)
-    return Supports(plan, base, interface, floor, joists=none, hollow=none, bare=bare)
+    return Supports(plan, base, interface, floor, joists=none, hollow=none, unsupported=bare)
 
 
 def find_contacts(
@@ -248,10 +248,10 @@ def _keep_above_bed(columns: Areas) -> Areas:
     return Areas.concatenate(result, n_layers)
 
 
-def _list_lost(wanted: Areas, left: Areas, layers: LayerPlan, reason: str) -> tuple[Bare, ...]:
+def _list_lost(wanted: Areas, left: Areas, layers: LayerPlan, reason: str) -> tuple[UnsupportedPlace, ...]:
     """List the contacts that get no support."""
     lost = split_connected(offset_open(difference(wanted, left), _SLIVER))
     area, (low, high) = lost.areas.area(), lost.areas.boxes()
     middle, z = ((low + high) / 2).tolist(), layers.top[lost.layer].tolist()
     large = np.flatnonzero(area > _LEAST_LOST).tolist()
-    return tuple(Bare(middle[i][0], middle[i][1], z[i], float(area[i]), reason) for i in large)
+    return tuple(UnsupportedPlace(middle[i][0], middle[i][1], z[i], float(area[i]), reason) for i in large)

@@ -15,8 +15,8 @@ from printer_slicer.geometry import Areas, Lines, hatch, offset
 from printer_slicer.model import Overhangs, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.supports.bare_places import BarePoints, find_bare_groups
-from printer_slicer.supports.beads import compute_line_widths
+from printer_slicer.supports.support_paths import compute_line_widths
+from printer_slicer.supports.unsupported_places import UnsupportedPoints, find_unsupported_groups
 
 __all__ = ["add_edge_rows"]
 
@@ -37,7 +37,7 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
         overhangs: for which they were made.
         profile: gaps and extrusion widths.
     """
-    groups = [one for one in find_bare_groups(overhangs, paths, profile) if one.area.sum() >= _LEAST]
+    groups = [one for one in find_unsupported_groups(overhangs, paths, profile) if one.area.sum() >= _LEAST]
     if not groups or not supports.base.n_rings:
         return paths
     layers = supports.plan.layers
@@ -58,7 +58,9 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
     return Toolpaths.joined(layers, [paths, made])
 
 
-def _make_row(group: BarePoints, room: Areas, supports: Supports, shortest: float) -> tuple[Float, Int]:
+def _make_row(
+    group: UnsupportedPoints, room: Areas, supports: Supports, shortest: float
+) -> tuple[Float, Int]:
     """Return the lines (n, 2, 2) of the row below a bare place, in all layers of its column, and their layers (n,)."""
     (left, low), (right, high) = group.xy.min(axis=0), group.xy.max(axis=0)
     carrier, tops = supports.plan.carrier[group.layer], supports.plan.layers.top

@@ -6,8 +6,8 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.supports.descent import Forest
-from printer_slicer.supports.fields import Fields
+from printer_slicer.supports.branch_growth import BranchNodes
+from printer_slicer.supports.reach_fields import ReachFields
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import replace
 
@@ -18,7 +18,7 @@ _ROUNDING = 1e-6  # mm
 _CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
 
 
-def smooth_branches(forest: Forest, fields: Fields, settings: TreeSettings) -> Forest:
+def smooth_branches(forest: BranchNodes, fields: ReachFields, settings: TreeSettings) -> BranchNodes:
     """Move nodes towards the middle between their neighbours, where nothing is in the way.
 
     Every second floor is moved at once, while its neighbours stand still, so each check holds for the result: a moved
@@ -38,7 +38,7 @@ def smooth_branches(forest: Forest, fields: Fields, settings: TreeSettings) -> F
     return replace(forest, place=place)
 
 
-def _average_neighbours(place: Float, forest: Forest, own: Int) -> Float:
+def _average_neighbours(place: Float, forest: BranchNodes, own: Int) -> Float:
     """Return for each node (n,) the mean (n, 2) of its place, the one below and the mean of those above, mm."""
     upper = np.flatnonzero(forest.below >= 0)
     lower = forest.below[upper]
@@ -51,7 +51,7 @@ def _average_neighbours(place: Float, forest: Forest, own: Int) -> Float:
     return np.asarray((2 * place[own, :2] + above[own] + under[own]) / 4)
 
 
-def _is_clear(wanted: Float, forest: Forest, own: Int, fields: Fields) -> Bool:
+def _is_clear(wanted: Float, forest: BranchNodes, own: Int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of places that keep the distance of a branch in all cells around them."""
     grid, floor = fields.grid, forest.floor[own]
     low = np.floor((wanted - (grid.x, grid.y)) / grid.cell - 0.5).astype(np.int64)[:, None, ::-1] + _CORNERS
@@ -63,13 +63,13 @@ def _is_clear(wanted: Float, forest: Forest, own: Int, fields: Fields) -> Bool:
     return np.asarray((inside & (room >= forest.radius[own, None] - _ROUNDING)).all(axis=1))
 
 
-def _is_within_bed(wanted: Float, forest: Forest, own: Int, fields: Fields) -> Bool:
+def _is_within_bed(wanted: Float, forest: BranchNodes, own: Int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of places that are not nodes on the bed, or lie inside its edges by their radius."""
     on_bed = fields.to_bed.radius[0].ravel()[fields.grid.find_cells(wanted)]
     return np.asarray((forest.floor[own] > 0) | (on_bed >= forest.radius[own]))
 
 
-def _mark_ends_of_steep_pieces(place: Float, forest: Forest, settings: TreeSettings) -> Bool:
+def _mark_ends_of_steep_pieces(place: Float, forest: BranchNodes, settings: TreeSettings) -> Bool:
     """Return a mask (N,) of nodes at either end of a piece whose outline moves sideways too much."""
     result = np.zeros(len(place), np.bool_)
     upper = np.flatnonzero(forest.below >= 0)

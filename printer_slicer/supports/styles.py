@@ -9,21 +9,29 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports, Toolpaths, fill_layers
+from printer_slicer.model import (
+    Overhangs,
+    Sections,
+    SupportPlan,
+    Supports,
+    Toolpaths,
+    UnsupportedPlace,
+    fill_layers,
+)
 from printer_slicer.profile import Profile
-from printer_slicer.supports.bare_places import BareReasons, list_bare_places
-from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
 from printer_slicer.supports.edge_rows import add_edge_rows
-from printer_slicer.supports.groups import PatchGroups, group_patches
-from printer_slicer.supports.levels import list_places_without_room
+from printer_slicer.supports.patch_groups import PatchGroups, group_patches
+from printer_slicer.supports.stability import check_stability
 from printer_slicer.supports.stacking import make_obstacles
-from printer_slicer.supports.standing import check_standing
+from printer_slicer.supports.support_layers import list_places_without_room
+from printer_slicer.supports.support_paths import make_support_paths
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.supports.trees import grow_trees
+from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
 from printer_slicer.values import Struct, replace
 
-__all__ = ["STYLES", "GroupTimes", "PrintedSupports", "make_supports", "measure_plastic"]
+__all__ = ["STYLES", "GroupTimes", "PrintedSupports", "make_supports", "measure_path_volume"]
 
 Style = Callable[[Overhangs, SupportPlan, Sections, Profile], Supports]
 
@@ -84,14 +92,14 @@ def _keep_what_stands(
     """Return all supports that were made, without what does not stand, and with the places that are bare."""
     supports = Supports.joined(plan, [one.supports for one in made])
     paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
-    standing = check_standing(supports, paths, overhangs, sections, profile)
-    known = (*supports.bare, *list_places_without_room(overhangs, plan))
-    reasons = BareReasons(known, standing.removed)
-    bare = list_bare_places(overhangs, standing.paths, sections, profile, reasons)
-    return PrintedSupports(replace(standing.supports, bare=bare), standing.paths)
+    standing = check_stability(supports, paths, overhangs, sections, profile)
+    known = (*supports.unsupported, *list_places_without_room(overhangs, plan))
+    reasons = UnsupportedReasons(known, standing.removed)
+    bare = list_unsupported_places(overhangs, standing.paths, sections, profile, reasons)
+    return PrintedSupports(replace(standing.supports, unsupported=bare), standing.paths)
 
 
-def measure_plastic(paths: Toolpaths) -> float:
+def measure_path_volume(paths: Toolpaths) -> float:
     """Return the volume of paths, mm³, at a flow ratio of 1."""
     return float(_measure_volumes(paths).sum())
 
@@ -109,7 +117,7 @@ def _make(
 ) -> PrintedSupports:
     """Return supports of one style."""
     supports = STYLES[style](overhangs, plan, sections, profile)
-    paths = lay_support_beads(supports, profile)
+    paths = make_support_paths(supports, profile)
     if not supports.hollow.n_rings:
         paths = add_edge_rows(supports, paths, overhangs, profile)
     return PrintedSupports(supports, paths)
@@ -189,13 +197,13 @@ class _Prices(Struct, frozen=True, eq=False):
 
     def of_bare(self, *made: PrintedSupports) -> Float:
         """Return the part (G,) of the cost that is due to places without support, of all supports together."""
-        bare = [place for one in made for place in one.supports.bare]
+        bare = [place for one in made for place in one.supports.unsupported]
         at = self.groups.find(np.array([(place.x, place.y) for place in bare]).reshape(-1, 2))
         prices = [_price_bare_place(place) for place in bare]
         return np.asarray(np.bincount(at, prices, self.groups.count))
 
 
-def _price_bare_place(place: Bare) -> float:
+def _price_bare_place(place: UnsupportedPlace) -> float:
     """Return the cost of a place without support, min."""
     if place.is_island:
         return _ISLAND_MINUTES

@@ -17,8 +17,8 @@ __all__ = [
     "LOWEST_TIP",
     "REACH_IN_Z",
     "Tips",
-    "choose_bare_places",
     "choose_tips",
+    "choose_unreached_places",
     "join_tips",
     "list_island_tips",
     "list_joist_tips",
@@ -115,7 +115,7 @@ def choose_tips(places: Tips, tips: Tips, found: Bool) -> Tips:
     return _choose_covering(places.take(left))
 
 
-def choose_bare_places(places: Tips, tips: Tips, found: Bool) -> Tips:
+def choose_unreached_places(places: Tips, tips: Tips, found: Bool) -> Tips:
     """Return the places that are left without a tip near them, one of each group of neighbours, and such islands."""
     chosen = _choose_covering(places.take(~_is_near(places, tips.take(found))))
     lost = tips.take(tips.island & ~found)

@@ -13,7 +13,7 @@ from printer_slicer.arrays import Float
 from printer_slicer.model import Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.supports.groups import PatchGroups
+from printer_slicer.supports.patch_groups import PatchGroups
 
 __all__ = ["estimate_least_tree_costs"]
 

@@ -17,13 +17,13 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.model import Bare, Overhangs, Sections, SupportPlan, Supports
+from printer_slicer.model import Overhangs, Sections, SupportPlan, Supports, UnsupportedPlace
 from printer_slicer.profile import Profile
-from printer_slicer.supports.bare_places import NO_WAY
 from printer_slicer.supports.blocked_areas import find_blocked_areas, find_gaps_above
+from printer_slicer.supports.branch_growth import grow_branches
 from printer_slicer.supports.branches import draw_branches, draw_discs, find_closed_discs, round_notches
-from printer_slicer.supports.descent import descend
-from printer_slicer.supports.fields import Fields, build_fields
+from printer_slicer.supports.first_segments import FirstSegments, choose_first_segments
+from printer_slicer.supports.reach_fields import ReachFields, build_fields
 from printer_slicer.supports.roofs import (
     Roofs,
     build_roofs,
@@ -33,19 +33,19 @@ from printer_slicer.supports.roofs import (
     lay_joists,
 )
 from printer_slicer.supports.smoothing import smooth_branches
-from printer_slicer.supports.starts import Starts, choose_starts
 from printer_slicer.supports.tips import (
     LOWEST_TIP,
     REACH_IN_Z,
     Tips,
-    choose_bare_places,
     choose_tips,
+    choose_unreached_places,
     join_tips,
     list_island_tips,
     list_joist_tips,
     list_strip_places,
 )
 from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settings
+from printer_slicer.supports.unsupported_places import NO_WAY
 
 __all__ = ["grow_trees"]
 
@@ -88,7 +88,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     covered = offset(roofs.contact, _BESIDE_ROOF).copy_layers(np.maximum(plan.carrier, 0))
     rest = difference(strips, covered), difference(islands, covered)
     tips, starts, bare = _plan_tips(rest, (tips, starts), overhangs, plan, (fields, sections, settings))
-    forest = smooth_branches(descend(tips.place, starts, fields, settings), fields, settings)
+    forest = smooth_branches(grow_branches(tips.place, starts, fields, settings), fields, settings)
     base = draw_branches(forest.pieces, forest.piece_heights, layers, settings)
     others = roofs.roof.merge(roofs.joist)
     base = _cut_off(base, blocked, others, settings.width)
@@ -104,7 +104,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
         joists=roofs.joist,
         hollow=hollow,
         branches=forest.pieces,
-        bare=bare,
+        unsupported=bare,
         interface_angle=angle[order],
     )
 
@@ -142,7 +142,7 @@ def _find_next(areas: Areas) -> Areas:
     return areas.shift_layers(-1).of_layers(np.arange(1))
 
 
-_Room = tuple[Fields, Sections, TreeSettings]
+_Room = tuple[ReachFields, Sections, TreeSettings]
 
 
 def _find_contacts(area: Areas, carrier: Int, blocked: Areas, settings: TreeSettings) -> Areas:
@@ -161,7 +161,9 @@ def _find_contacts(area: Areas, carrier: Int, blocked: Areas, settings: TreeSett
     return union(contacts.of_layers(~lost), more)
 
 
-def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -> tuple[Roofs, Tips, Starts]:
+def _plan_roofs(
+    strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room
+) -> tuple[Roofs, Tips, FirstSegments]:
     """Return the roofs that branches can carry, their tips, and the first pieces of the branches."""
     fields, sections, settings = room
     wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
@@ -169,7 +171,7 @@ def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -
     room_below = difference(wide, blocked.shift_layers(settings.interface_layers))
     joists = lay_joists(offset_open(room_below, settings.width), settings)
     tips = list_joist_tips(joists, plan.layers.top, settings.interface_layers)
-    starts = choose_starts(tips.place, fields, sections, settings)
+    starts = choose_first_segments(tips.place, fields, sections, settings)
     carried = np.ones(len(joists.of_tip), np.bool_)
     carried[tips.of_joist] = starts.found
     return build_roofs(wide, keep_carried_roofs(joists, carried, settings), blocked, settings), tips, starts
@@ -177,11 +179,11 @@ def _plan_roofs(strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room) -
 
 def _plan_tips(
     rest: tuple[Areas, Areas],
-    given: tuple[Tips, Starts],
+    given: tuple[Tips, FirstSegments],
     overhangs: Overhangs,
     plan: SupportPlan,
     room: _Room,
-) -> tuple[Tips, Starts, tuple[Bare, ...]]:
+) -> tuple[Tips, FirstSegments, tuple[UnsupportedPlace, ...]]:
     """Add tips under strips and islands, by layer of the part, to those under joists.
 
     Where no branch reaches a tip, others are tried beside it.
@@ -195,15 +197,15 @@ def _plan_tips(
     new = list_island_tips(islands, plan.carrier, plan.layers.top)
     for _ in range(_ATTEMPTS):
         tips = join_tips([tips, new])
-        starts = Starts.joined([starts, choose_starts(new.place, fields, sections, settings)])
+        starts = FirstSegments.joined([starts, choose_first_segments(new.place, fields, sections, settings)])
         new = choose_tips(places, tips, starts.found)
         if not new.count:
             break
-    bare = choose_bare_places(places, tips, starts.found)
+    bare = choose_unreached_places(places, tips, starts.found)
     return tips, starts, _describe_bare(bare, tips.take(starts.found), strips, plan)
 
 
-def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> tuple[Bare, ...]:
+def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> tuple[UnsupportedPlace, ...]:
     """Return the places that no branch reaches.
 
     Args:
@@ -214,7 +216,7 @@ def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> 
     """
     area = _measure_bare(bare, tips, strips, plan) if bare.count else np.zeros(0)
     rows = zip(bare.place.tolist(), area.tolist(), bare.island.tolist(), strict=True)
-    return tuple(Bare(x, y, z, size, NO_WAY, is_island) for (x, y, z), size, is_island in rows)
+    return tuple(UnsupportedPlace(x, y, z, size, NO_WAY, is_island) for (x, y, z), size, is_island in rows)
 
 
 def _measure_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:

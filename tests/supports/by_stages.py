@@ -13,7 +13,7 @@ from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 from printer_slicer.supports import find_overhangs
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.levels import plan_support_layers
+from printer_slicer.supports.support_layers import plan_support_layers
 from tests.parts import layers
 
 __all__ = ["columns_of", "prepared"]

@@ -7,9 +7,9 @@ import pytest
 
 from printer_slicer.geometry import difference, intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Supports
-from printer_slicer.supports.beads import lay_support_beads
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.levels import plan_shared_layers
+from printer_slicer.supports.support_layers import plan_shared_layers
+from printer_slicer.supports.support_paths import make_support_paths
 from printer_slicer.supports.upward_faces import find_upward_faces
 from printer_slicer.values import replace
 from tests.parts import box, joined
@@ -98,7 +98,7 @@ def test_floors_begin_at_the_gap_above_the_part_and_lie_over_it(gap: float) -> N
     landings = find_upward_faces(overhangs, sections)
     plan = plan_shared_layers([(overhangs, profile)], landings + gap)[0]
     supports = lay_columns(overhangs, plan, sections, profile)
-    paths = lay_support_beads(supports, profile)
+    paths = make_support_paths(supports, profile)
 
     assert landings == pytest.approx([4.0])
     (layer,) = np.flatnonzero(supports.floor.used)
@@ -120,7 +120,7 @@ def test_on_bed_only_leaves_what_stands_on_the_part_and_tells_it() -> None:
     supports, _, _ = columns_of(bracket(), support_on_bed_only=True)
 
     assert difference(supports.area, supports.area.shift_layers(1)).area()[1:].max() < 1e-3
-    assert any("stand on the part" in place.reason for place in supports.bare)
+    assert any("stand on the part" in place.reason for place in supports.unsupported)
 
 
 def test_a_support_outside_the_bed_is_told() -> None:
@@ -128,7 +128,7 @@ def test_a_support_outside_the_bed_is_told() -> None:
     small = replace(profile, printer=replace(profile.printer, bed_x=130.0))
     supports = lay_columns(overhangs, plan, sections, small)
 
-    assert any("outside the bed" in place.reason for place in supports.bare)
+    assert any("outside the bed" in place.reason for place in supports.unsupported)
     assert supports.area.xy[:, 0].max() <= small.printer.corners[1][0] + 1e-6
 
 

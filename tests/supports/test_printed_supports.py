@@ -70,7 +70,7 @@ def test_the_printed_gap_under_a_flat_is_that_of_the_settings() -> None:
 
     assert program.xyz[is_support(program), 2].max() == pytest.approx(bottom - 0.2, abs=1e-6)
     assert stages.supports is not None
-    assert len(stages.supports.bare) == 0
+    assert len(stages.supports.unsupported) == 0
 
 
 def test_layers_of_the_part_are_the_same_with_supports() -> None:

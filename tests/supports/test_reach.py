@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry.raster import Float32, clearance
-from printer_slicer.supports.fields import CellMoves, find_ways
+from printer_slicer.supports.reach_fields import CellMoves, find_routes
 from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settings
 from tests.effort import examples
 from tests.parts import plain
@@ -56,7 +56,7 @@ def test_one_field_tells_for_every_radius_what_a_search_finds(seed: int, radius:
     _, clear, landing, on_bed = random_fields(seed)
     moves = CellMoves.within(slope * STOREY, STOREY, CELL)
 
-    ways = find_ways(clear, (landing, np.full_like(clear, 20.0)), on_bed, moves, SETTINGS)
+    ways = find_routes(clear, (landing, np.full_like(clear, 20.0)), on_bed, moves, SETTINGS)
 
     assert (reachable(clear, landing, on_bed, moves, radius) == (ways.radius >= radius)).all()
     # Only where a thin branch gets through is there a price, at least that of going straight down.
@@ -71,7 +71,7 @@ def test_over_an_empty_bed_the_way_is_straight_down() -> None:
     clear = np.full((SIDE, SIDE, SIDE), 2.0, np.float32)
     moves = CellMoves.within(STOREY, STOREY, CELL)
 
-    ways = find_ways(
+    ways = find_routes(
         clear,
         (np.full_like(clear, -1), np.full_like(clear, 20.0)),
         np.full((SIDE, SIDE), 2.0, np.float32),

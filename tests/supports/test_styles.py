@@ -17,8 +17,8 @@ from printer_slicer.ordering import order
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
-from printer_slicer.supports.groups import group_patches
-from printer_slicer.supports.styles import STYLES, PrintedSupports, make_supports, measure_plastic
+from printer_slicer.supports.patch_groups import group_patches
+from printer_slicer.supports.styles import STYLES, PrintedSupports, make_supports, measure_path_volume
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
 from printer_slicer.supports.trees import grow_trees
 from printer_slicer.travels import travel
@@ -56,7 +56,7 @@ def seconds_of(paths: Toolpaths, profile: Profile) -> float:
 def cost_of(name: str, style: str) -> float:
     """Minutes, and grams by their price."""
     supports, _, profile = made(name, style)
-    grams = measure_plastic(supports.paths) * profile.material.density / 1000
+    grams = measure_path_volume(supports.paths) * profile.material.density / 1000
     return seconds_of(supports.paths, profile) / 60 + profile.quality.support_gram_price * grams
 
 
@@ -80,7 +80,7 @@ def test_groups_whose_columns_do_not_stand_get_trees() -> None:
     def bare_area(style: str) -> float:
         chosen = replace(profile, quality=replace(profile.quality, support=style))
         found = make_supports(overhangs, plan, sections, chosen, measure_group_times)
-        return sum(place.area for place in found.supports.bare)
+        return sum(place.area for place in found.supports.unsupported)
 
     assert bare_area("columns") > 20
     assert bare_area("auto") < 3
@@ -97,7 +97,7 @@ def test_groups_that_trees_do_not_reach_get_columns(monkeypatch: pytest.MonkeyPa
     found = make_supports(overhangs, plan, sections, profile, measure_group_times).supports
 
     assert overhangs.n_patches == 2
-    assert found.bare == ()
+    assert found.unsupported == ()
     assert found.hollow.n_rings
     assert (found.base.area() - found.hollow.area())[20:100].min() > 100
 
@@ -190,7 +190,7 @@ def test_trees_of_low_ledges_are_roofs_on_the_bed(clearance: float) -> None:
     assert facts is not None
     assert facts["style"] == "tree"
     assert facts["on_bed_mm2"] > 380
-    assert not stages.supports.bare
+    assert not stages.supports.unsupported
 
 
 def test_supports_without_plastic_have_no_style() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.model import Mesh, Sections, Toolpaths
-from printer_slicer.supports.beads import lay_support_beads
+from printer_slicer.supports.support_paths import make_support_paths
 from printer_slicer.supports.trees import grow_trees
 from tests.parts import plain
 from tests.supports.by_hand import prepared
@@ -26,7 +26,7 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
 
 def lay(mesh: Mesh) -> tuple[Toolpaths, Sections]:
     overhangs, plan, sections = prepared(mesh)
-    return lay_support_beads(grow_trees(overhangs, plan, sections, plain()), plain()), sections
+    return make_support_paths(grow_trees(overhangs, plan, sections, plain()), plain()), sections
 
 
 @pytest.mark.parametrize("name", SHAPES)

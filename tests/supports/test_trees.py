@@ -121,7 +121,7 @@ def test_branches_lead_to_the_bed_or_to_the_part(name: str) -> None:
     supports, sections = grown(name)
 
     assert len(supports.branches)
-    assert not supports.bare
+    assert not supports.unsupported
     check_chains(supports, sections)
 
 
@@ -215,7 +215,7 @@ def test_nothing_hangs_nothing_grows() -> None:
 
     assert not supports.area.n_rings
     assert not len(supports.branches)
-    assert not supports.bare
+    assert not supports.unsupported
 
 
 @pytest.mark.parametrize("source", ["tee", "hook", "sphere", "mushroom", 0, 1])
@@ -260,7 +260,7 @@ def test_branches_stand_on_a_ramp_where_no_way_leads_to_the_bed() -> None:
 
     supports = grow_trees(overhangs, plan, sections, plain())
 
-    assert not supports.bare
+    assert not supports.unsupported
     assert supports.branches[:, 0].min() > 0
     check_chains(supports, sections)
     assert len(find_pieces_in_the_air(supports, sections)) == 0
@@ -293,7 +293,7 @@ def test_roofs_have_as_many_closed_layers_as_the_settings_say(n: int) -> None:
     roof = np.flatnonzero(supports.interface.area() > 100)
     assert roof.tolist() == list(range(top - n + 1, top + 1))
     assert supports.joists.used.nonzero()[0].tolist() == [top - n]
-    assert not supports.bare
+    assert not supports.unsupported
 
 
 @pytest.mark.parametrize("seed", [33, 38, 46, 80])
@@ -305,7 +305,7 @@ def test_roofs_and_branches_beside_narrow_passages_do_not_begin_in_the_air(seed:
 @pytest.mark.parametrize("seed", [33, 46])
 def test_bare_places_have_the_area_that_no_tip_reaches(seed: int) -> None:
     supports, sections = grown_on_noise(seed)
-    area = np.array([place.area for place in supports.bare])
+    area = np.array([place.area for place in supports.unsupported])
 
     assert (area >= 0).all()
     assert 1.0 < area.sum() < overhangs_of(sections).area.area().sum()
@@ -321,7 +321,7 @@ def test_slopes_near_the_threshold_get_tips_at_any_layer_height(height: float) -
     supports = ps.slice_stages(part, profile).supports
 
     assert supports is not None
-    assert sum(place.area for place in supports.bare) <= 0.1 * 12 * 14
+    assert sum(place.area for place in supports.unsupported) <= 0.1 * 12 * 14
 
 
 def test_tips_are_no_thinner_and_no_closer_than_can_be_printed() -> None:

@@ -22,10 +22,10 @@ from printer_slicer.geometry.raster import clearance
 from printer_slicer.model import Overhangs, SupportPlan, Toolpaths
 from printer_slicer.roles import Role
 from printer_slicer.supports.bead_samples import BeadMap, BeadSamples, sample_beads
-from printer_slicer.supports.hanging_beads import HangingRules, find_hanging_beads
+from printer_slicer.supports.unsupported_beads import SpanRules, find_unsupported_beads
 from printer_slicer.values import Struct
 
-__all__ = ["CarryingColumns", "carry_beads", "find_contact_areas", "find_needed_paths"]
+__all__ = ["AddedColumns", "add_columns", "find_contact_areas", "find_needed_paths"]
 
 _REACH: Final = 1.0  # mm sideways from a bead to what it carries
 _REACH_OF_WALLS: Final = (
@@ -35,7 +35,7 @@ _THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
 
-class CarryingColumns(Struct, frozen=True, eq=False):
+class AddedColumns(Struct, frozen=True, eq=False):
     """Columns under hanging beads.
 
     Attributes:
@@ -100,13 +100,13 @@ def _has_neighbours(samples: BeadSamples, which: Int, others: Int) -> Bool:
     return np.asarray(away.reshape(-1)[samples.cells(which)] <= _REACH)
 
 
-def carry_beads(
+def add_columns(
     samples: BeadSamples,
     paths: Toolpaths,
     hanging: Bool,
     blocked: Areas,
-    rules: HangingRules,
-) -> CarryingColumns:
+    rules: SpanRules,
+) -> AddedColumns:
     """Return columns of two walls under hanging stretches, down to the next thing on which they stand.
 
     Args:
@@ -135,7 +135,7 @@ def carry_beads(
         loops.append(walls)
         column = _find_floating(column, walls, paths, rules, layer)
     made = Toolpaths.joined(layers, [*loops, paths.take(np.zeros(0, np.int64))])
-    return CarryingColumns(Areas.concatenate(areas[::-1], n_layers), made)
+    return AddedColumns(Areas.concatenate(areas[::-1], n_layers), made)
 
 
 def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:
@@ -184,16 +184,14 @@ def _lay_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Too
     )
 
 
-def _find_floating(
-    column: Areas, walls: Toolpaths, paths: Toolpaths, rules: HangingRules, layer: int
-) -> Areas:
+def _find_floating(column: Areas, walls: Toolpaths, paths: Toolpaths, rules: SpanRules, layer: int) -> Areas:
     """Return the columns of a layer whose walls hang over the beads below."""
     if not layer or not walls.n_paths:
         return Areas.empty(1)
     below = paths.take(np.flatnonzero(paths.layer == layer - 1))
     both = Toolpaths.joined(paths.plan, [below, walls])
     samples = sample_beads(both)
-    hanging = find_hanging_beads(samples, both, rules)
+    hanging = find_unsupported_beads(samples, both, rules)
     places = samples.points(np.flatnonzero(hanging & (samples.path >= below.n_paths)))
     if not len(places):
         return Areas.empty(1)

@@ -1,4 +1,4 @@
-"""Fields that tell where branches of trees can go: on a coarse raster of cells, storey by storey.
+"""ReachFields that tell where branches of trees can go: on a coarse raster of cells, storey by storey.
 
 A storey is a slab of the print of equal height; floor f is the plane under storey f. A branch stands at the middle of a
 cell on each floor and moves sideways to another cell within each storey. A single field tells for all radii where a
@@ -23,7 +23,7 @@ from printer_slicer.model import Sections
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct
 
-__all__ = ["CellMoves", "Fields", "Ways", "build_fields", "find_ways"]
+__all__ = ["CellMoves", "ReachFields", "Routes", "build_fields", "find_routes"]
 
 CELL = 0.5  # mm
 STOREY_RATIO = 3.0  # height of a storey, in cells
@@ -63,7 +63,7 @@ class CellMoves(Struct, frozen=True, eq=False):
         return cls(step[order], by, np.hypot(by, storey))
 
 
-class Ways(Struct, frozen=True, eq=False):
+class Routes(Struct, frozen=True, eq=False):
     """Where branches get from each floor, all (F, n_rows, n_columns), mm.
 
     Attributes:
@@ -77,7 +77,7 @@ class Ways(Struct, frozen=True, eq=False):
     price: Float32
 
 
-class Fields(Struct, frozen=True, eq=False):
+class ReachFields(Struct, frozen=True, eq=False):
     """The part on the raster, and the ways that branches may go.
 
     Attributes:
@@ -101,8 +101,8 @@ class Fields(Struct, frozen=True, eq=False):
     landing: Float32
     scar: Float32
     surface: Float32
-    to_bed: Ways
-    to_any: Ways
+    to_bed: Routes
+    to_any: Routes
 
     @property
     def n_floors(self) -> int:
@@ -117,7 +117,7 @@ class Fields(Struct, frozen=True, eq=False):
 
 def build_fields(
     sections: Sections, highest: float, bed: tuple[Float, Float], settings: TreeSettings
-) -> Fields:
+) -> ReachFields:
     """Compute the fields for tips up to the height `highest`, mm.
 
     Args:
@@ -135,13 +135,13 @@ def build_fields(
     clear = _measure_clearance(solid, grid.cell, reach) - margin
     landing, scar = np.full_like(clear, -1.0), np.full_like(clear, settings.scar_price)
     if not settings.on_bed_only:
-        landing, level = (one - margin for one in _measure_landings((solid, surface), grid.cell, reach))
+        landing, level = (one - margin for one in _measure_area_on_part((solid, surface), grid.cell, reach))
         scar[level < settings.tip_radius] *= _STEEP_PRICE
     moves = CellMoves.within(settings.slope * storey, storey, grid.cell)
     on_bed = _measure_bed(grid, bed, settings.largest_radius)
-    to_bed = find_ways(clear, (np.full_like(landing, -1.0), scar), on_bed, moves, settings)
-    to_any = find_ways(clear, (landing, scar), on_bed, moves, settings) if (landing > 0).any() else to_bed
-    return Fields(grid, storey, moves, solid, clear, landing, scar, surface, to_bed, to_any)
+    to_bed = find_routes(clear, (np.full_like(landing, -1.0), scar), on_bed, moves, settings)
+    to_any = find_routes(clear, (landing, scar), on_bed, moves, settings) if (landing > 0).any() else to_bed
+    return ReachFields(grid, storey, moves, solid, clear, landing, scar, surface, to_bed, to_any)
 
 
 def _choose_grid(sections: Sections, highest: float, bed: tuple[Float, Float]) -> tuple[CellGrid, float]:
@@ -188,7 +188,7 @@ def _find_surfaces(tops: Float32) -> Float32:
     return result
 
 
-def _measure_landings(fields: tuple[Bool, Float32], cell: float, reach: float) -> tuple[Float32, Float32]:
+def _measure_area_on_part(fields: tuple[Bool, Float32], cell: float, reach: float) -> tuple[Float32, Float32]:
     """Return how far it is from each cell on each floor to where the surface below is steep, or not level, mm.
 
     Only cells with the part in the storey right under the floor have a distance above 0. The surface around them may
@@ -231,13 +231,13 @@ def _measure_bed(grid: CellGrid, bed: tuple[Float, Float], most: float) -> Float
     return np.asarray(np.minimum(inside, most), np.float32)
 
 
-def find_ways(
+def find_routes(
     clear: Float32,
     ends: tuple[Float32, Float32],
     on_bed: Float32,
     moves: CellMoves,
     settings: TreeSettings,
-) -> Ways:
+) -> Routes:
     """Compute from the bed upwards how thick a branch gets to its end from each cell, and the cheapest length.
 
     Args:
@@ -260,4 +260,4 @@ def find_ways(
         open_below = np.where(free[below] >= thin, price[below], np.inf).astype(np.float32)
         onward = np.where(way >= thin, cheapest_within(open_below, moves.step, moves.length), np.inf)
         price[floor] = np.where(landing[floor] >= thin, np.minimum(onward, scar[floor]), onward)
-    return Ways(radius, free, price)
+    return Routes(radius, free, price)

@@ -16,10 +16,10 @@ from printer_slicer.model import Areas, LayerPlan, Mesh, Overhangs, Sections, Su
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
 from printer_slicer.supports.bead_samples import find_carried, sample_beads
-from printer_slicer.supports.beads import lay_support_beads
-from printer_slicer.supports.hanging_beads import keep_samples
-from printer_slicer.supports.standing import check_standing
-from printer_slicer.supports.styles import STYLES, measure_plastic
+from printer_slicer.supports.stability import check_stability
+from printer_slicer.supports.styles import STYLES, measure_path_volume
+from printer_slicer.supports.support_paths import make_support_paths
+from printer_slicer.supports.unsupported_beads import keep_samples
 from printer_slicer.values import replace
 from tests.kernels import needs_kernel
 from tests.parts import plain
@@ -47,7 +47,7 @@ def made(name: str, style: str) -> Case:
     """Supports of a shape before the check."""
     overhangs, plan, sections, profile = prepared(SHAPES[name](), support=style)
     supports = STYLES[style](overhangs, plan, sections, profile)
-    return supports, lay_support_beads(supports, profile), overhangs, sections, profile
+    return supports, make_support_paths(supports, profile), overhangs, sections, profile
 
 
 def made_on_noise(seed: int, style: str) -> Case:
@@ -55,7 +55,7 @@ def made_on_noise(seed: int, style: str) -> Case:
     sections, profile = noise_sections(seed), plain()
     overhangs = overhangs_of(sections)
     supports = STYLES[style](overhangs, support_plan(overhangs), sections, profile)
-    return supports, lay_support_beads(supports, profile), overhangs, sections, profile
+    return supports, make_support_paths(supports, profile), overhangs, sections, profile
 
 
 def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Float]:
@@ -105,7 +105,7 @@ def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Fl
 def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
     supports, paths, *rest = made(name, style)
 
-    standing = check_standing(supports, paths, *rest)
+    standing = check_stability(supports, paths, *rest)
 
     assert standing.supports is supports
     assert standing.paths is paths
@@ -116,7 +116,7 @@ def test_what_stands_is_returned_as_it_is(name: str, style: str) -> None:
 def test_only_short_ends_of_interfaces_of_a_round_part_are_taken_out(style: str) -> None:
     supports, paths, *rest = made("mushroom", style)
 
-    standing = check_standing(supports, paths, *rest)
+    standing = check_stability(supports, paths, *rest)
     lost = float(paths.length().sum() - standing.paths.length().sum())
 
     assert 0 < lost < 10
@@ -126,16 +126,16 @@ def test_only_short_ends_of_interfaces_of_a_round_part_are_taken_out(style: str)
 def check_random_solid(seed: int, style: str) -> None:
     """After the check nothing floats, by the check itself and by distances; most of the supports are still there."""
     case = made_on_noise(seed, style)
-    standing = check_standing(*case)
+    standing = check_stability(*case)
     _, paths, overhangs, sections, profile = case
 
-    again = check_standing(standing.supports, standing.paths, overhangs, sections, profile)
+    again = check_stability(standing.supports, standing.paths, overhangs, sections, profile)
     assert again.paths is standing.paths
     if standing.paths.n_paths:
         free, share = find_free_stretches(standing.paths, sections)
         assert free.max(initial=0.0) <= 2.2 * profile.quality.support_spacing
         assert (share <= 0.9).all()
-    assert measure_plastic(standing.paths) >= 0.8 * measure_plastic(paths)
+    assert measure_path_volume(standing.paths) >= 0.8 * measure_path_volume(paths)
 
 
 @pytest.mark.parametrize("style", STYLE_NAMES)
@@ -168,9 +168,9 @@ def test_a_planted_piece_in_the_air_is_taken_out(style: str) -> None:
         hollow=supports.hollow.merge(piece) if style == "tree" else supports.hollow,
     )
 
-    standing = check_standing(planted, lay_support_beads(planted, rest[-1]), *rest)
+    standing = check_stability(planted, make_support_paths(planted, rest[-1]), *rest)
 
-    assert measure_plastic(standing.paths) == pytest.approx(measure_plastic(paths))
+    assert measure_path_volume(standing.paths) == pytest.approx(measure_path_volume(paths))
     assert standing.supports.base.area() == pytest.approx(supports.base.area())
     assert (standing.removed[:, :2] > away - 0.1).all()
 
@@ -190,7 +190,7 @@ def test_a_planted_gap_is_filled(style: str, share: float) -> None:
     less = leave_out(paths, layer, middle + 5.0)
     assert less.n_paths < paths.n_paths
 
-    standing = check_standing(supports, less, overhangs, sections, profile)
+    standing = check_stability(supports, less, overhangs, sections, profile)
 
     assert standing.paths is not less
     free, free_share = find_free_stretches(standing.paths, sections)
@@ -209,7 +209,7 @@ def test_what_may_not_be_carried_is_taken_out() -> None:
     is_plate = sections.plan.top < paths.plan.top[-1] - 3.0
     solid = sections.solid.copy_layers(np.where(is_plate, highest, np.arange(highest + 1)))
 
-    standing = check_standing(supports, top, overhangs, replace(sections, solid=solid), profile)
+    standing = check_stability(supports, top, overhangs, replace(sections, solid=solid), profile)
 
     assert standing.paths.n_paths == 0
     assert standing.supports.area.area()[-2:].sum() == 0
@@ -219,7 +219,7 @@ def test_no_beads_stand() -> None:
     supports, paths, *rest = made("tee", "columns")
     none = paths.take(np.zeros(0, np.int64))
 
-    assert check_standing(supports, none, *rest).paths is none
+    assert check_stability(supports, none, *rest).paths is none
 
 
 def test_the_rest_of_a_cut_loop_is_one_line() -> None:

@@ -5,24 +5,24 @@ from __future__ import annotations
 from printer_slicer.arrays import Float
 from printer_slicer.errors import PartError
 from printer_slicer.geometry import split_connected
-from printer_slicer.model import Bare, Overhangs, Supports
+from printer_slicer.model import Overhangs, Supports, UnsupportedPlace
 from printer_slicer.texts import format_count
 
-__all__ = ["list_bare_islands", "require_supported_islands"]
+__all__ = ["list_unsupported_islands", "require_supported_islands"]
 
 _WITHOUT_SUPPORTS = "there are no supports"
 
 
-def list_bare_islands(overhangs: Overhangs, supports: Supports | None) -> tuple[Bare, ...]:
+def list_unsupported_islands(overhangs: Overhangs, supports: Supports | None) -> tuple[UnsupportedPlace, ...]:
     """List the islands that get no support: none reaches them, they are blocked, or there are no supports."""
     if supports is not None:
-        return (*(place for place in supports.bare if place.is_island), *overhangs.blocked)
+        return (*(place for place in supports.unsupported if place.is_island), *overhangs.blocked)
     pieces = split_connected(overhangs.islands)
     low, high = pieces.areas.boxes()
     middle, size = ((low + high) / 2).tolist(), pieces.areas.area().tolist()
     z = overhangs.plan.bottom[pieces.layer].tolist()
     islands = tuple(
-        Bare(x, y, height, area, _WITHOUT_SUPPORTS, is_island=True)
+        UnsupportedPlace(x, y, height, area, _WITHOUT_SUPPORTS, is_island=True)
         for (x, y), height, area in zip(middle, z, size, strict=True)
     )
     return *islands, *overhangs.blocked
@@ -42,7 +42,7 @@ def require_supported_islands(
     Raises:
         PartError: an island has none.
     """
-    islands = list_bare_islands(overhangs, supports) if overhangs else ()
+    islands = list_unsupported_islands(overhangs, supports) if overhangs else ()
     if islands:
         first = min(islands, key=lambda place: place.z)
         x, y, z = (value + by for value, by in zip((first.x, first.y, first.z), shift.tolist(), strict=True))

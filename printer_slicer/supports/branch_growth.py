@@ -7,18 +7,18 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.raster import NEIGHBOUR_CELLS, Float32
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.supports.fields import Fields
-from printer_slicer.supports.partners import LiveBranches, choose_goals, join_branches
-from printer_slicer.supports.starts import Starts, grow_radius
+from printer_slicer.supports.branch_merging import LiveBranches, choose_goals, join_branches
+from printer_slicer.supports.first_segments import FirstSegments, grow_radius
+from printer_slicer.supports.reach_fields import ReachFields
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct, replace
 
-__all__ = ["Forest", "descend"]
+__all__ = ["BranchNodes", "grow_branches"]
 
 _ROUNDING = 1e-5  # mm
 
 
-class Forest(Struct, frozen=True, eq=False):
+class BranchNodes(Struct, frozen=True, eq=False):
     """Nodes of all branches. Nodes come before the nodes below them.
 
     Attributes:
@@ -111,17 +111,19 @@ class _Nodes:
         self._movable = [np.concatenate(self._movable)]
         self._movable[0][node] = False
 
-    def finish(self) -> Forest:
+    def finish(self) -> BranchNodes:
         """Return all nodes."""
         below, lower_radius = np.full(self.count, -1), np.zeros(self.count)
         for upper, lower, radius in zip(self._upper, self._lower, self._arrived, strict=True):
             below[upper], lower_radius[upper] = lower, radius
         columns = (self._place, self._radius, self._floor, self._movable, self._on_part)
         place, own, floor, movable, on_part = (np.concatenate(column) for column in columns)
-        return Forest(place, own, below, lower_radius, floor, movable, on_part)
+        return BranchNodes(place, own, below, lower_radius, floor, movable, on_part)
 
 
-def descend(tips: Float, starts: Starts, fields: Fields, settings: TreeSettings) -> Forest:
+def grow_branches(
+    tips: Float, starts: FirstSegments, fields: ReachFields, settings: TreeSettings
+) -> BranchNodes:
     """Lead the branches of all tips that can be reached down to the bed or to the part.
 
     On each floor, those that are close become one. Each branch then moves towards the nearest other one that it can
@@ -151,7 +153,7 @@ def descend(tips: Float, starts: Starts, fields: Fields, settings: TreeSettings)
     return nodes.finish()
 
 
-def _begin(tips: Float, starts: Starts, which: Int) -> LiveBranches:
+def _begin(tips: Float, starts: FirstSegments, which: Int) -> LiveBranches:
     """Return the branches of some tips as they arrive at their first floor."""
     n, radius = len(which), starts.radius[which]
     reach, drift = np.zeros(n), np.zeros((n, 2))
@@ -168,7 +170,7 @@ def _concatenate(live: LiveBranches, new: LiveBranches) -> LiveBranches:
     )
 
 
-def _pick(to_bed: Bool, floor: int, cell: Int, fields: Fields, name: str) -> Float32:
+def _pick(to_bed: Bool, floor: int, cell: Int, fields: ReachFields, name: str) -> Float32:
     """Return the values of a field at cells (n, ...) of a floor, for branches (n,) to the bed or to any end."""
     bed, part = (getattr(ways, name)[floor].ravel() for ways in (fields.to_bed, fields.to_any))
     shape = (len(to_bed),) + (1,) * (cell.ndim - 1)
@@ -176,7 +178,7 @@ def _pick(to_bed: Bool, floor: int, cell: Int, fields: Fields, name: str) -> Flo
 
 
 def _arrive(
-    live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields, settings: TreeSettings
+    live: LiveBranches, floor: int, nodes: _Nodes, fields: ReachFields, settings: TreeSettings
 ) -> LiveBranches:
     """Make the nodes of a floor, one for all branches that become one there; return the branches that go on."""
     above = nodes.place_of(live.node)
@@ -194,7 +196,7 @@ def _arrive(
     return replace(merged, node=node)
 
 
-def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields) -> LiveBranches:
+def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: ReachFields) -> LiveBranches:
     """End the branches that stand on the part under this floor; return the others."""
     if not floor:
         return live
@@ -213,7 +215,7 @@ def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: Fields) 
     return live.take(~ends)
 
 
-def _can_go_on(live: LiveBranches, floor: int, fields: Fields) -> Bool:
+def _can_go_on(live: LiveBranches, floor: int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of branches that can go down one more floor."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
     free = np.where(inside, _pick(live.to_bed, floor - 1, cell, fields, "free"), -np.inf)
@@ -221,7 +223,7 @@ def _can_go_on(live: LiveBranches, floor: int, fields: Fields) -> Bool:
     return np.asarray(room >= live.radius - _ROUNDING)
 
 
-def _go_down(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> LiveBranches:
+def _go_down(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> LiveBranches:
     """Move all branches to the floor below."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
     free = _pick(live.to_bed, floor - 1, cell, fields, "free")

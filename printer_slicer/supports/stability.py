@@ -10,25 +10,25 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected, union
 from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile, Quality
+from printer_slicer.supports.added_columns import add_columns, find_contact_areas, find_needed_paths
 from printer_slicer.supports.bead_samples import BeadSamples, find_repeated_layers, sample_beads
 from printer_slicer.supports.blocked_areas import find_blocked_areas
-from printer_slicer.supports.carrying import carry_beads, find_contact_areas, find_needed_paths
-from printer_slicer.supports.hanging_beads import (
-    HangingRules,
+from printer_slicer.supports.unsupported_beads import (
+    SpanRules,
     find_carried_beads,
     keep_samples,
-    remove_hanging,
+    remove_unsupported,
 )
 from printer_slicer.values import Struct, replace
 
-__all__ = ["StandingSupports", "check_standing"]
+__all__ = ["StableSupports", "check_stability"]
 
 _ROUNDS: Final = 2  # of columns under hanging beads
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
 
 
-class StandingSupports(Struct, frozen=True, eq=False):
+class StableSupports(Struct, frozen=True, eq=False):
     """Supports of which every bead stands.
 
     Attributes:
@@ -42,9 +42,9 @@ class StandingSupports(Struct, frozen=True, eq=False):
     removed: Float
 
 
-def check_standing(
+def check_stability(
     supports: Supports, paths: Toolpaths, overhangs: Overhangs, sections: Sections, profile: Profile
-) -> StandingSupports:
+) -> StableSupports:
     """Return supports in which every bead stands on beads that stand, on the part or on the bed.
 
     A bead stands if about half of its width lies on something over most of its length. Lines may span the distance
@@ -60,13 +60,13 @@ def check_standing(
     """
     cut = np.zeros((0, 3))
     if not paths.n_paths:
-        return StandingSupports(supports, paths, cut)
-    rules = HangingRules.of(sections, paths.plan, profile.quality)
+        return StableSupports(supports, paths, cut)
+    rules = SpanRules.of(sections, paths.plan, profile.quality)
     samples = sample_beads(paths, ~find_repeated_layers(paths))
     carried, every = find_carried_beads(samples, paths, rules), slice(0, samples.count)
     hanging = rules.find_hanging(samples, paths, every, carried)
     if not hanging.any():
-        return StandingSupports(supports, paths, cut)
+        return StableSupports(supports, paths, cut)
     suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
     column_rules = rules.for_columns()
     large = column_rules.find_hanging(samples, paths, every, carried)
@@ -83,11 +83,11 @@ def check_standing(
     cut_only = not (large.any() or len(removed))
     removed = np.concatenate([cut, removed])
     if cut_only:
-        return StandingSupports(supports, paths, removed)
-    return StandingSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
+        return StableSupports(supports, paths, removed)
+    return StableSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
 
-def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
+def _find_hanging(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
     """Return samples of the beads in the layers of a mask (S,) and in those below them, and which (n,) hang.
 
     In all other layers, all beads stand.
@@ -97,7 +97,7 @@ def _find_hanging(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple
     return samples, rules.find_hanging(samples, paths, slice(0, samples.count), carried)
 
 
-def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolpaths, Float]:
+def _remove(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[Toolpaths, Float]:
     """Return the beads that stand, and the places (n, 3) of those that were taken out, mm.
 
     Only beads in the layers of a mask (S,) can hang.
@@ -107,7 +107,7 @@ def _remove(paths: Toolpaths, rules: HangingRules, suspect: Bool) -> tuple[Toolp
         samples, hanging = _find_hanging(paths, rules, suspect)
         if not hanging.any():
             break
-        kept = remove_hanging(samples, paths, hanging, rules)
+        kept = remove_unsupported(samples, paths, hanging, rules)
         removed.append(_list_places(samples, paths, ~kept))
         suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[~kept]])
         suspect[1:] |= suspect[:-1].copy()
@@ -125,7 +125,7 @@ def _carry(
     supports: Supports,
     paths: Toolpaths,
     made_for: tuple[Overhangs, Sections, Profile],
-    rules: HangingRules,
+    rules: SpanRules,
     suspect: Bool,
 ) -> tuple[Supports, Toolpaths, Bool]:
     """Put columns under hanging beads that are needed; return all areas and beads.
@@ -137,7 +137,7 @@ def _carry(
     blocked = None
     for _ in range(_ROUNDS):
         samples, hanging = _find_hanging(paths, rules, suspect)
-        kept = remove_hanging(samples, paths, hanging, rules)
+        kept = remove_unsupported(samples, paths, hanging, rules)
         lost = np.zeros(layers.n_layers, np.bool_)
         lost[paths.layer[samples.path[~kept]]] = True
         contacts = find_contact_areas(overhangs, supports.plan, lost)
@@ -145,7 +145,7 @@ def _carry(
         if not hanging.any():
             break
         blocked = blocked or _find_blocked(sections, layers, quality)
-        made = carry_beads(samples, paths, hanging, blocked, rules)
+        made = add_columns(samples, paths, hanging, blocked, rules)
         if not made.paths.n_paths:
             break
         paths = Toolpaths.joined(layers, [paths, made.paths])

@@ -7,7 +7,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, concatenate_pairs, consecutive, run_starts
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.supports.fields import Fields
+from printer_slicer.supports.reach_fields import ReachFields
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct, replace
 
@@ -45,7 +45,7 @@ class LiveBranches(Struct, frozen=True, eq=False):
         return LiveBranches(*(getattr(self, name)[which] for name in self.__struct_fields__))
 
 
-def choose_goals(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> Float:
+def choose_goals(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> Float:
     """Return the place (n, 2) to which each branch should go next, mm; nan for those without a partner.
 
     The partner is the nearest other branch to the same kind of end that can be met before the end, each going half the
@@ -113,7 +113,7 @@ def match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
     return mate
 
 
-def _estimate_height(live: LiveBranches, floor: int, fields: Fields, settings: TreeSettings) -> Float:
+def _estimate_height(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> Float:
     """Return about how much higher than its end (n,) each branch is, mm."""
     z = floor * fields.storey
     left = fields.to_any.price[floor].ravel()[live.cell].astype(np.float64) - settings.scar_price
@@ -146,7 +146,7 @@ def _find_nearest(points: Float, group: Bool, most: float) -> tuple[Int, Int]:
     return own[order], other[order]
 
 
-def encloses_part(one: Float, other: Float, meeting: Float, fields: Fields) -> Bool:
+def encloses_part(one: Float, other: Float, meeting: Float, fields: ReachFields) -> Bool:
     """Return a mask (n,) of pairs of branches that would close a ring around the part if they met.
 
     The triangle between the tips of both (n, 3) and the place where they meet (n, 3) is sampled from the edge between
@@ -170,7 +170,7 @@ def encloses_part(one: Float, other: Float, meeting: Float, fields: Fields) -> B
 
 
 def join_branches(
-    live: LiveBranches, above: Float, floor: int, fields: Fields, settings: TreeSettings
+    live: LiveBranches, above: Float, floor: int, fields: ReachFields, settings: TreeSettings
 ) -> tuple[Int, LiveBranches]:
     """Join branches that are closer than half the thicker radius, or in neighbouring cells.
 
@@ -212,13 +212,13 @@ def join_branches(
         joined = replace(joined, radius=radius, cell=cells, head=head).take(kept)
 
 
-def _room(live: LiveBranches, cell: Int, floor: int, fields: Fields) -> Float:
+def _room(live: LiveBranches, cell: Int, floor: int, fields: ReachFields) -> Float:
     """Return the radius (n,) of the thickest branch of the kind of each at a cell (n,), mm."""
     bed, part = (ways.radius[floor].ravel()[cell] for ways in (fields.to_bed, fields.to_any))
     return np.asarray(np.where(live.to_bed, bed, part), np.float64)
 
 
-def _find_pairs(live: LiveBranches, fields: Fields) -> tuple[Int, Int]:
+def _find_pairs(live: LiveBranches, fields: ReachFields) -> tuple[Int, Int]:
     """Return pairs (P,), (P,) of branches that are close enough to become one; the nearest first."""
     here, cell = fields.grid.find_middles(live.cell), fields.grid.cell
     reach = np.maximum(live.radius / 2, 1.5 * cell) + _ROUNDING
@@ -235,7 +235,7 @@ def _keep_possible(
     groups: tuple[LiveBranches, Int],
     members: tuple[LiveBranches, Float],
     floor: int,
-    fields: Fields,
+    fields: ReachFields,
 ) -> tuple[Int, Int, Int]:
     """Return the pairs (P,), (P,) that can become one now, and the cell (P,) of each; no branch is in two pairs.
 

@@ -14,11 +14,11 @@ from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import depths
 from printer_slicer.geometry.vectors import norm
 from printer_slicer.model import Sections
-from printer_slicer.supports.fields import CellMoves, Fields
+from printer_slicer.supports.reach_fields import CellMoves, ReachFields
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct
 
-__all__ = ["Starts", "choose_starts", "grow_radius"]
+__all__ = ["FirstSegments", "choose_first_segments", "grow_radius"]
 
 _TIP_LENGTH = 2.0  # mm over which a tip grows to a branch
 _MOST_CHOICES = 24  # places that are compared for each tip, the cheapest ones
@@ -27,7 +27,7 @@ _BEND_PRICE = 10.0  # mm of branch for each mm by which the part is too near, me
 _NEAREST_RATIO = 1.1  # of the gap beside the part; nearer to it, too little of the branch would remain
 
 
-class Starts(Struct, frozen=True, eq=False):
+class FirstSegments(Struct, frozen=True, eq=False):
     """Where the first pieces of branches end.
 
     Attributes:
@@ -45,7 +45,7 @@ class Starts(Struct, frozen=True, eq=False):
     to_bed: Bool
 
     @classmethod
-    def joined(cls, parts: Sequence[Starts]) -> Starts:
+    def joined(cls, parts: Sequence[FirstSegments]) -> FirstSegments:
         """Return the starts of several values, one after the other."""
         return cls(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__struct_fields__)
@@ -66,7 +66,9 @@ def grow_radius(radius: Float, height: Float | float, settings: TreeSettings) ->
     return np.minimum(radius + soon + slow, np.maximum(settings.largest_radius, radius))
 
 
-def choose_starts(tips: Float, fields: Fields, sections: Sections, settings: TreeSettings) -> Starts:
+def choose_first_segments(
+    tips: Float, fields: ReachFields, sections: Sections, settings: TreeSettings
+) -> FirstSegments:
     """Choose the lower end of the first piece of each branch.
 
     Args:
@@ -97,11 +99,11 @@ def choose_starts(tips: Float, fields: Fields, sections: Sections, settings: Tre
     )
     thin = np.full(n, settings.tip_radius)
     radius = np.minimum(grow_radius(thin, height, settings), thin + settings.slope * height - aside)
-    return Starts(floor, cell, place, np.maximum(np.minimum(radius, most), thin), to_bed)
+    return FirstSegments(floor, cell, place, np.maximum(np.minimum(radius, most), thin), to_bed)
 
 
 def _find_best_ends(
-    tips: Float, floor: Int, fields: Fields, sections: Sections, settings: TreeSettings
+    tips: Float, floor: Int, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> tuple[Float, Float]:
     """Return the best place (T, 2) on the floor (T,) for the end of each piece, mm, and its cost (T,); inf: none."""
     if not len(tips):
@@ -128,7 +130,7 @@ def _find_best_ends(
 
 
 def _price_first_pieces(
-    tips: Float, ends: Float, fields: Fields, sections: Sections, settings: TreeSettings
+    tips: Float, ends: Float, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> Float:
     """Return the price (n,) of pieces from tips to ends (n, 3) for coming too near to the part; inf: they touch it."""
     points = (tips[:, None] + _SAMPLES[:, None] * (ends - tips)[:, None]).reshape(-1, 3)

@@ -14,7 +14,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, distinct
 from printer_slicer.geometry import split_connected
-from printer_slicer.model import Bare, LayerPlan, Overhangs, SupportPlan
+from printer_slicer.model import LayerPlan, Overhangs, SupportPlan, UnsupportedPlace
 from printer_slicer.profile import Profile
 from printer_slicer.shortest_path import ArcGraph, cheapest_path
 from printer_slicer.values import Struct, force_setattr
@@ -121,7 +121,7 @@ def _make_plan(layers: LayerPlan, carrier: Int, overhangs: Overhangs, profile: P
     )
 
 
-def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[Bare, ...]:
+def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[UnsupportedPlace, ...]:
     """List the pieces that hang so low that no support layer fits below them."""
     hanging = overhangs.area.of_layers(plan.carrier < 0)
     pieces, islands = split_connected(hanging), overhangs.islands.used
@@ -129,7 +129,7 @@ def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[B
     bottom = overhangs.plan.bottom
     middle = ((low + high) / 2).tolist()
     return tuple(
-        Bare(x, y, float(bottom[layer]), size, _NO_ROOM, is_island=bool(islands[layer]))
+        UnsupportedPlace(x, y, float(bottom[layer]), size, _NO_ROOM, is_island=bool(islands[layer]))
         for (x, y), size, layer in zip(middle, area.tolist(), pieces.layer.tolist(), strict=True)
     )
 

@@ -7,7 +7,7 @@ import pytest
 
 from printer_slicer.model import Areas, LayerPlan, SupportPlan, Supports
 from printer_slicer.supports.columns import lay_columns
-from printer_slicer.supports.firmness import find_grips, find_slim_pieces
+from printer_slicer.supports.findings import find_grips, find_slim_pieces
 from printer_slicer.supports.trees import grow_trees
 from tests.parts import plain
 from tests.supports.by_hand import prepared as by_hand

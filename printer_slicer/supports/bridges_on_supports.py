@@ -14,12 +14,12 @@ from printer_slicer.geometry import Areas, intersection, split_connected
 from printer_slicer.model import Regions
 from printer_slicer.values import replace
 
-__all__ = ["replace_carried_bridges"]
+__all__ = ["replace_bridges_on_supports"]
 
 _LEAST: Final = 1.0  # mm² of a bridge over supports; less is their edge
 
 
-def replace_carried_bridges(regions: Regions, carried: Areas) -> Regions:
+def replace_bridges_on_supports(regions: Regions, carried: Areas) -> Regions:
     """Return regions in which bridges over supports are bottom solid infill.
 
     Args:

@@ -37,7 +37,7 @@ from printer_slicer.supports.branches import find_second_loops
 from printer_slicer.supports.slim_columns import find_slim_columns
 from printer_slicer.values import Struct
 
-__all__ = ["compute_line_widths", "lay_support_beads"]
+__all__ = ["compute_line_widths", "make_support_paths"]
 
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
@@ -69,7 +69,7 @@ def compute_line_widths(layers: LayerPlan, profile: Profile) -> Float:
     return np.maximum(usual, layers.height)
 
 
-def lay_support_beads(supports: Supports, profile: Profile) -> Toolpaths:
+def make_support_paths(supports: Supports, profile: Profile) -> Toolpaths:
     """Return the paths of supports, on the layers of their plan.
 
     Args:

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from benchmarks.support_parts import turned
-from printer_slicer.model import Bare, Mesh, Overhangs, Sections, Supports, Toolpaths
+from printer_slicer.model import Mesh, Overhangs, Sections, Supports, Toolpaths, UnsupportedPlace
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
-from printer_slicer.supports.bare_places import BareReasons, list_bare_places
-from printer_slicer.supports.levels import plan_support_layers
 from printer_slicer.supports.styles import PrintedSupports, make_supports
+from printer_slicer.supports.support_layers import plan_support_layers
+from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
 from tests.parts import box, joined, prism
 from tests.supports.by_stages import prepared
 from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
 
 SHAPES = {"tee": tee, "hook": hook, "mushroom": mushroom, "sphere": sphere_on_bed}
-NOTHING = BareReasons((), np.zeros((0, 3)))
+NOTHING = UnsupportedReasons((), np.zeros((0, 3)))
 
 
 def supported(overhangs: Overhangs, sections: Sections, profile: Profile) -> PrintedSupports:
@@ -35,22 +35,22 @@ def made(name: str, style: str = "columns") -> tuple[Supports, Toolpaths, Overha
     return printed.supports, printed.paths, overhangs, sections, profile
 
 
-def bare_of(mesh: Mesh, **changes: object) -> tuple[tuple[Bare, ...], Overhangs]:
+def bare_of(mesh: Mesh, **changes: object) -> tuple[tuple[UnsupportedPlace, ...], Overhangs]:
     overhangs, _, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
-    return supported(overhangs, sections, profile).supports.bare, overhangs
+    return supported(overhangs, sections, profile).supports.unsupported, overhangs
 
 
 @pytest.mark.parametrize("style", ["columns", "tree"])
 @pytest.mark.parametrize("name", ["tee", "hook", "mushroom"])
 def test_nothing_is_bare_under_usual_parts(name: str, style: str) -> None:
-    assert made(name, style)[0].bare == ()
+    assert made(name, style)[0].unsupported == ()
 
 
 def test_without_beads_all_that_hangs_is_bare() -> None:
     _, paths, overhangs, sections, profile = made("tee")
     none = paths.take(np.zeros(0, np.int64))
 
-    bare = list_bare_places(overhangs, none, sections, profile, NOTHING)
+    bare = list_unsupported_places(overhangs, none, sections, profile, NOTHING)
 
     assert len(bare) == 2  # arms
     assert sum(place.area for place in bare) == pytest.approx(overhangs.area.area().sum(), rel=0.02)
@@ -64,7 +64,7 @@ def test_half_of_the_beads_leave_half_bare() -> None:
     middle = float(sections.solid.xy[:, 0].mean())
     left = np.flatnonzero(np.minimum.reduceat(paths.xy[:, 0], paths.start[:-1]) < middle)
 
-    (place,) = list_bare_places(overhangs, paths.take(left), sections, profile, NOTHING)
+    (place,) = list_unsupported_places(overhangs, paths.take(left), sections, profile, NOTHING)
 
     assert place.area == pytest.approx(overhangs.area.area().sum() / 2, rel=0.02)
     assert place.x > middle + 5
@@ -74,7 +74,7 @@ def test_an_island_without_a_bead_comes_first() -> None:
     _, paths, overhangs, sections, profile = made("hook")
     none = paths.take(np.zeros(0, np.int64))
 
-    first, *others = list_bare_places(overhangs, none, sections, profile, NOTHING)
+    first, *others = list_unsupported_places(overhangs, none, sections, profile, NOTHING)
 
     assert first.is_island
     assert first.z == pytest.approx(15.0, abs=0.3)
@@ -83,7 +83,7 @@ def test_an_island_without_a_bead_comes_first() -> None:
 
 def test_what_is_right_above_the_bed_lies_on_it() -> None:
     for style in ("columns", "tree"):
-        assert all(place.z > 0.3 for place in made("sphere", style)[0].bare)
+        assert all(place.z > 0.3 for place in made("sphere", style)[0].unsupported)
 
 
 def test_places_outside_the_bed_say_so() -> None:
@@ -109,7 +109,7 @@ def test_where_beads_were_taken_out_the_reason_is_that() -> None:
     none = paths.take(np.zeros(0, np.int64))
     bead = np.array([[*overhangs.area.xy.max(axis=0), 39.8]])
 
-    bare = list_bare_places(overhangs, none, sections, profile, BareReasons((), bead))
+    bare = list_unsupported_places(overhangs, none, sections, profile, UnsupportedReasons((), bead))
 
     assert {place.reason for place in bare} == {
         "its support had nothing to stand on",
@@ -126,7 +126,9 @@ def test_areas_do_not_depend_on_heights_of_layers(share: float) -> None:
         overhangs, _, sections, profile = prepared(cone, height, support="columns")
         paths = supported(overhangs, sections, profile).paths
         low = paths.take(np.flatnonzero(paths.z_top < 10 + 6 * share))
-        areas.append(sum(one.area for one in list_bare_places(overhangs, low, sections, profile, NOTHING)))
+        areas.append(
+            sum(one.area for one in list_unsupported_places(overhangs, low, sections, profile, NOTHING))
+        )
     assert areas[0] == pytest.approx(areas[1], rel=0.12)
 
 
@@ -135,8 +137,10 @@ def test_the_reason_for_large_places_needs_no_table_of_all_pairs() -> None:
     points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     removed = np.column_stack([points, np.full(len(points), 10.0)])
 
-    assert BareReasons((), removed).choose(points, 10.2) == "its support had nothing to stand on"
-    assert BareReasons((), removed).choose(points + 60.0, 10.2) != "its support had nothing to stand on"
+    assert UnsupportedReasons((), removed).choose(points, 10.2) == "its support had nothing to stand on"
+    assert (
+        UnsupportedReasons((), removed).choose(points + 60.0, 10.2) != "its support had nothing to stand on"
+    )
 
 
 @pytest.mark.parametrize("degrees", [34, 37, 39])
@@ -148,4 +152,4 @@ def test_narrow_strips_below_steep_slopes_make_one_column(degrees: int) -> None:
     supports = slice_stages(slope, profile).supports
 
     assert supports is not None
-    assert not supports.bare
+    assert not supports.unsupported

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from printer_slicer.arrays import Int
 from printer_slicer.model import Areas, LayerPlan, Overhangs
 from printer_slicer.profile import load_profile
-from printer_slicer.supports.levels import list_places_without_room, plan_support_layers
+from printer_slicer.supports.support_layers import list_places_without_room, plan_support_layers
 
 PROFILE = load_profile()
 LOW, HIGH = PROFILE.printer.min_layer, 0.75 * PROFILE.printer.nozzle_diameter

@@ -35,7 +35,7 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     air = difference(solid.of_layers(steep.used), below)
     if not air.n_rings:
         return Overhangs(plan, air, np.zeros(0, np.int64), air, air, np.zeros(plan.n_layers, np.bool_))
-    from printer_slicer.supports.bridged import find_bridged  # noqa: PLC0415 - in many parts nothing hangs
+    from printer_slicer.supports.bridged_areas import find_bridged_areas  # noqa: PLC0415 - in many parts nothing hangs
     from printer_slicer.supports.islands import find_islands  # noqa: PLC0415
     from printer_slicer.supports.patches import drop_small_groups, find_far_pieces, join_patches  # noqa: PLC0415
 
@@ -43,7 +43,7 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     hanging = union(find_strips(air, steep, step), islands)
     required = union(islands, find_far_pieces(hanging, below, quality))
     hanging = offset_open(drop_small_groups(hanging, required, step, quality), _SLIVER / 2)
-    cover = find_bridged(hanging, below, solid, regions, profile)
+    cover = find_bridged_areas(hanging, below, solid, regions, profile)
     left = union(difference(hanging, cover), islands)
     required = union(islands, find_far_pieces(left, below, quality))
     area, patch = join_patches(left, required, cover, step, quality)

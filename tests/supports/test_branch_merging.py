@@ -8,8 +8,8 @@ import pytest
 from printer_slicer.arrays import Float
 from printer_slicer.model import Sections
 from printer_slicer.slicing import cut
-from printer_slicer.supports.fields import Fields, build_fields
-from printer_slicer.supports.partners import encloses_part, match_nearest
+from printer_slicer.supports.branch_merging import encloses_part, match_nearest
+from printer_slicer.supports.reach_fields import ReachFields, build_fields
 from printer_slicer.supports.tree_settings import read_tree_settings
 from tests.parts import box, joined, layers, plain
 from tests.supports.shapes import sphere_on_bed
@@ -17,7 +17,7 @@ from tests.supports.shapes import sphere_on_bed
 BED = np.array([-100.0, -100.0]), np.array([100.0, 100.0])
 
 
-def fields_of(sections: Sections) -> Fields:
+def fields_of(sections: Sections) -> ReachFields:
     return build_fields(sections, 30.0, BED, read_tree_settings(plain(), 0.2, 30.0))
 
 

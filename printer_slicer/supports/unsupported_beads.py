@@ -19,7 +19,7 @@ from printer_slicer.supports.bead_samples import (
 )
 from printer_slicer.values import Struct, replace
 
-__all__ = ["HangingRules", "find_carried_beads", "find_hanging_beads", "keep_samples", "remove_hanging"]
+__all__ = ["SpanRules", "find_carried_beads", "find_unsupported_beads", "keep_samples", "remove_unsupported"]
 
 _SPANS: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
 _LOOP_SPANS: Final = 1.8  # the same for loops, which are not straight
@@ -34,7 +34,7 @@ _LARGE_LOOP: Final = 6.0  # mm, length of loops that may lie across the lines of
 _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
 
-class HangingRules(Struct, frozen=True, eq=False):
+class SpanRules(Struct, frozen=True, eq=False):
     """How far beads may hang over nothing.
 
     Attributes:
@@ -54,7 +54,7 @@ class HangingRules(Struct, frozen=True, eq=False):
     rest: float
 
     @classmethod
-    def of(cls, sections: Sections, layers: LayerPlan, quality: Quality) -> HangingRules:
+    def of(cls, sections: Sections, layers: LayerPlan, quality: Quality) -> SpanRules:
         """Return the rules for supports with these layers and settings beside a part."""
         part = PartBelow.of(sections, layers, quality.support_bottom_gap)
         spacing = quality.support_spacing
@@ -62,7 +62,7 @@ class HangingRules(Struct, frozen=True, eq=False):
         loop_span = min(_LOOP_SPANS * spacing, span)
         return cls(part, span, _TURN_SPANS * spacing, loop_span, _ENDS * spacing, _RESTS * spacing)
 
-    def for_columns(self) -> HangingRules:
+    def for_columns(self) -> SpanRules:
         """Return the rules by which beads get columns; shorter ends and turns are only cut."""
         return replace(self, end=self.end / _ENDS, turn_span=self.span, rest=0.0)
 
@@ -122,7 +122,7 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
     return np.asarray(little[path - low])
 
 
-def find_hanging_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRules) -> Bool:
+def find_unsupported_beads(samples: BeadSamples, paths: Toolpaths, rules: SpanRules) -> Bool:
     """Return which samples (n,) hang too far if all beads below are there.
 
     If none hangs, all beads stand, because those of the lowest layer do.
@@ -132,7 +132,7 @@ def find_hanging_beads(samples: BeadSamples, paths: Toolpaths, rules: HangingRul
 
 
 def find_carried_beads(
-    samples: BeadSamples, paths: Toolpaths, rules: HangingRules, suspect: Bool | None = None
+    samples: BeadSamples, paths: Toolpaths, rules: SpanRules, suspect: Bool | None = None
 ) -> Bool:
     """Return which samples (n,) lie on beads below, on the bed, or, if they would hang otherwise, on the part.
 
@@ -150,13 +150,13 @@ def find_carried_beads(
     return carried
 
 
-def remove_hanging(samples: BeadSamples, paths: Toolpaths, hanging: Bool, rules: HangingRules) -> Bool:
+def remove_unsupported(samples: BeadSamples, paths: Toolpaths, hanging: Bool, rules: SpanRules) -> Bool:
     """Return the samples (n,) that remain when everything is taken out that does not stand, from the bed upwards.
 
     Args:
         samples: of all beads, in all layers.
         paths: the beads.
-        hanging: (n,) result of `find_hanging_beads`.
+        hanging: (n,) result of `find_unsupported_beads`.
         rules: how far beads may hang.
     """
     kept, covered = np.ones(samples.count, np.bool_), BeadMap(samples)

@@ -25,7 +25,7 @@ from printer_slicer.geometry import (
 from printer_slicer.model import Regions
 from printer_slicer.profile import Profile
 
-__all__ = ["find_bridged"]
+__all__ = ["find_bridged_areas"]
 
 _WALLS = 2.5  # extrusion widths beside bridge lines that their outermost ones carry
 _SHORT = 1.0  # extrusion widths by which a row may end before the support; its end extends into the wall
@@ -34,7 +34,7 @@ _BEND = 1.01  # length of a perimeter over the distance of its ends; a longer on
 _BESIDE = 1.0  # extrusion widths; strips of one slope in neighbouring layers are this close to each other
 
 
-def find_bridged(air: Areas, below: Areas, solid: Areas, regions: Regions, profile: Profile) -> Areas:
+def find_bridged_areas(air: Areas, below: Areas, solid: Areas, regions: Regions, profile: Profile) -> Areas:
     """Return the areas that lines carry which are supported at both ends; they may reach beyond `air`.
 
     Args:

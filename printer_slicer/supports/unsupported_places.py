@@ -13,12 +13,18 @@ from printer_slicer.geometry.connectivity import label_components
 from printer_slicer.geometry.raster import CellGrid, clearance
 from printer_slicer.geometry.segment_index import distance_to_segments
 from printer_slicer.geometry.vectors import norm
-from printer_slicer.model import Bare, Overhangs, Sections, Toolpaths
+from printer_slicer.model import Overhangs, Sections, Toolpaths, UnsupportedPlace
 from printer_slicer.profile import Profile
 from printer_slicer.supports.bead_samples import sample_beads
 from printer_slicer.values import Struct, replace
 
-__all__ = ["NO_WAY", "BarePoints", "BareReasons", "find_bare_groups", "list_bare_places"]
+__all__ = [
+    "NO_WAY",
+    "UnsupportedPoints",
+    "UnsupportedReasons",
+    "find_unsupported_groups",
+    "list_unsupported_places",
+]
 
 _ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries what hangs
 _DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
@@ -36,7 +42,7 @@ _NOTHING_BELOW: Final = "its support had nothing to stand on"
 NO_WAY: Final = "no support reaches this place without touching the part"
 
 
-class BareReasons(Struct, frozen=True, eq=False):
+class UnsupportedReasons(Struct, frozen=True, eq=False):
     """What is known of places without support.
 
     Attributes:
@@ -44,7 +50,7 @@ class BareReasons(Struct, frozen=True, eq=False):
         removed: (n, 3) places of beads that were taken out because they did not stand, mm.
     """
 
-    places: tuple[Bare, ...]
+    places: tuple[UnsupportedPlace, ...]
     removed: Float
 
     def choose(self, points: Float, z: float) -> str:
@@ -113,7 +119,7 @@ class _Beads(Struct, frozen=True, eq=False):
         return np.array([distance_to_segments(point, begin, end).min() for point in points])
 
 
-class BarePoints(Struct, frozen=True, eq=False):
+class UnsupportedPoints(Struct, frozen=True, eq=False):
     """Points of what hangs without a bead near them.
 
     Attributes:
@@ -128,14 +134,14 @@ class BarePoints(Struct, frozen=True, eq=False):
     area: Float
     island: Bool
 
-    def take(self, which: Int) -> BarePoints:
+    def take(self, which: Int) -> UnsupportedPoints:
         """Return the points with these indices (k,)."""
-        return BarePoints(self.xy[which], self.layer[which], self.area[which], self.island[which])
+        return UnsupportedPoints(self.xy[which], self.layer[which], self.area[which], self.island[which])
 
 
-def list_bare_places(
-    overhangs: Overhangs, paths: Toolpaths, sections: Sections, profile: Profile, reasons: BareReasons
-) -> tuple[Bare, ...]:
+def list_unsupported_places(
+    overhangs: Overhangs, paths: Toolpaths, sections: Sections, profile: Profile, reasons: UnsupportedReasons
+) -> tuple[UnsupportedPlace, ...]:
     """List what hangs and has no bead of supports within 1.5 mm sideways right below it, islands first.
 
     Places that reach no farther from the part below or from a support than an extrusion is wide are left out.
@@ -158,13 +164,15 @@ def list_bare_places(
     return tuple(sorted(listed, key=lambda place: (not place.is_island, -place.area, place.z)))
 
 
-def find_bare_groups(overhangs: Overhangs, paths: Toolpaths, profile: Profile) -> list[BarePoints]:
-    """Return the points of each place that `list_bare_places` would list, but without islands, also of small places."""
+def find_unsupported_groups(
+    overhangs: Overhangs, paths: Toolpaths, profile: Profile
+) -> list[UnsupportedPoints]:
+    """Return the points of each place that `list_unsupported_places` lists, except islands; also of small places."""
     overhangs = _leave_out_bed(overhangs, profile)
     return _split_into_groups(_find_bare_points(overhangs, _Beads.of(paths, overhangs, profile)))
 
 
-def _split_into_groups(points: BarePoints) -> list[BarePoints]:
+def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:
     """Return the points of each place."""
     group = _group_points(points)
     order = np.argsort(group, kind="stable")
@@ -187,7 +195,7 @@ def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
     )
 
 
-def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> BarePoints:
+def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
     """Return the bare points; coarse points on a raster tell first which patches have any."""
     hanging = overhangs.area
     points, layer, _ = _sample_areas(hanging, _CELL)
@@ -203,7 +211,7 @@ def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> BarePoints:
     )
     which = _select_beside(fine, points[found])
     bare = which[~beads.are_near(fine[which], layer[which], _ASIDE)]
-    return BarePoints(fine[bare], layer[bare], area[bare], np.zeros(len(bare), np.bool_))
+    return UnsupportedPoints(fine[bare], layer[bare], area[bare], np.zeros(len(bare), np.bool_))
 
 
 def _select_beside(points: Float, others: Float) -> Int:
@@ -255,7 +263,7 @@ def _find_suspects(beads: _Beads, points: Float, layer: Int) -> Bool:
     return bare
 
 
-def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> BarePoints:
+def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
     """Return the corners of islands to which no bead comes near."""
     islands = overhangs.islands
     pieces = split_connected(islands)
@@ -268,17 +276,17 @@ def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> BarePoints:
     left = np.flatnonzero(~carried[areas.point_layer])
     share = areas.area() / np.maximum(np.bincount(areas.point_layer, minlength=pieces.count), 1)
     of = areas.point_layer[left]
-    return BarePoints(areas.xy[left], pieces.layer[of], share[of], np.ones(len(left), np.bool_))
+    return UnsupportedPoints(areas.xy[left], pieces.layer[of], share[of], np.ones(len(left), np.bool_))
 
 
-def _join(one: BarePoints, other: BarePoints) -> BarePoints:
+def _join(one: UnsupportedPoints, other: UnsupportedPoints) -> UnsupportedPoints:
     """Return the points of both."""
-    return BarePoints(
+    return UnsupportedPoints(
         *(np.concatenate([getattr(part, name) for part in (one, other)]) for name in one.__struct_fields__)
     )
 
 
-def _group_points(points: BarePoints) -> Int:
+def _group_points(points: UnsupportedPoints) -> Int:
     """Return the group (n,) of each point: those that are near each other, in the same or neighbouring layers."""
     if not len(points.layer):
         return np.zeros(0, np.int64)
@@ -298,8 +306,12 @@ def _group_points(points: BarePoints) -> Int:
 
 
 def _describe(
-    points: BarePoints, overhangs: Overhangs, beads: _Beads, sections: Sections, reasons: BareReasons
-) -> Bare:
+    points: UnsupportedPoints,
+    overhangs: Overhangs,
+    beads: _Beads,
+    sections: Sections,
+    reasons: UnsupportedReasons,
+) -> UnsupportedPlace:
     """Return one group of points (n,) as a place."""
     low = int(points.layer.min())
     z, own = float(overhangs.plan.bottom[low]), points.xy[points.layer == low]
@@ -314,7 +326,7 @@ def _describe(
         # On slopes, the layer below is as bare as this one.
         distance = max(distance, float(_measure_to_part(at, z, away, sections).max()))
     x, y = centre
-    return Bare(
+    return UnsupportedPlace(
         x,
         y,
         z,

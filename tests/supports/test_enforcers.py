@@ -12,7 +12,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import Areas, difference, offset_open, union
 from printer_slicer.model import LayerPlan, Mesh, Overhangs, Sections, Volumes, VolumeSections
 from printer_slicer.slicing import cut, cut_volumes
-from printer_slicer.supports.steering import steer
+from printer_slicer.supports.enforcers import apply_enforcers_and_blockers
 from printer_slicer.values import replace
 from tests.parts import box, joined, plain, prism
 
@@ -44,7 +44,7 @@ def everything_that_hangs(sections: Sections) -> Areas:
 def steered(part: Mesh, volumes: Volumes, plan: LayerPlan = PLAN, *, everything: bool = False) -> Overhangs:
     sections = cut(part, plan, 0.001)
     area = everything_that_hangs(sections) if everything else None
-    return steer(hangs(sections, area), sections, cut_volumes(volumes, plan), QUALITY)
+    return apply_enforcers_and_blockers(hangs(sections, area), sections, cut_volumes(volumes, plan), QUALITY)
 
 
 def facets_facing_down(part: Mesh, low: float, high: float) -> Float:
@@ -88,7 +88,7 @@ def test_enforced_bridges_are_no_bridges() -> None:
     sections = cut(tee(), PLAN, 0.001)
     everything = everything_that_hangs(sections)
     enforce = cut_volumes(Volumes(enforce=Mesh(box((30, 40, 4), (0, -20, UNDER - 2)).triangles)), PLAN)
-    overhangs = steer(hangs(sections, bridged=everything), sections, enforce, QUALITY)
+    overhangs = apply_enforcers_and_blockers(hangs(sections, bridged=everything), sections, enforce, QUALITY)
 
     assert overhangs.area.area().sum() == pytest.approx(15 * 10)
     assert overhangs.bridged.area().sum() == pytest.approx(15 * 10)
@@ -119,9 +119,11 @@ def test_without_places_nothing_changes() -> None:
     sections = cut(tee(), PLAN, 0.001)
     overhangs = hangs(sections, everything_that_hangs(sections))
 
-    assert steer(overhangs, sections, cut_volumes(Volumes(), PLAN), QUALITY) is overhangs
+    assert (
+        apply_enforcers_and_blockers(overhangs, sections, cut_volumes(Volumes(), PLAN), QUALITY) is overhangs
+    )
     outside = Volumes(block=Mesh(box((4, 4, 4), (30, 30, 5)).triangles))
-    kept = steer(overhangs, sections, cut_volumes(outside, PLAN), QUALITY)
+    kept = apply_enforcers_and_blockers(overhangs, sections, cut_volumes(outside, PLAN), QUALITY)
     assert np.array_equal(kept.area.area(), overhangs.area.area())
 
 
@@ -129,7 +131,7 @@ def test_blocked_islands_are_reported() -> None:
     sections = cut(tee(), PLAN, 0.001)
     islands = everything_that_hangs(sections)
     block = cut_volumes(Volumes(block=Mesh(box((30, 40, 4), (0, -20, UNDER - 2)).triangles)), PLAN)
-    result = steer(hangs(sections, islands, islands=islands), sections, block, QUALITY)
+    result = apply_enforcers_and_blockers(hangs(sections, islands, islands=islands), sections, block, QUALITY)
     (island,) = result.blocked
 
     assert (island.x, island.y, island.z) == pytest.approx((12.5, 0, UNDER))

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.geometry import Areas, difference, intersection, offset_open, split_connected, union
-from printer_slicer.model import Bare, LayerPlan, Overhangs, Sections, VolumeSections
+from printer_slicer.model import LayerPlan, Overhangs, Sections, UnsupportedPlace, VolumeSections
 from printer_slicer.profile import Quality
-from printer_slicer.supports.hanging import mark_flat_layers
+from printer_slicer.supports.overhangs import mark_flat_layers
 from printer_slicer.supports.patches import join_patches
 from printer_slicer.supports.slopes import compute_steps
 from printer_slicer.values import replace
 
-__all__ = ["select_overhangs", "steer"]
+__all__ = ["apply_enforcers_and_blockers", "select_overhangs"]
 
 _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
@@ -25,7 +25,9 @@ _IDLE_BLOCKER: Final = "no supports are needed within this support blocker"
 _NOT_ENFORCED: Final = "supports are made only in enforced places"
 
 
-def steer(overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality) -> Overhangs:
+def apply_enforcers_and_blockers(
+    overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality
+) -> Overhangs:
     """Add what is enforced to what hangs, then take out what is blocked.
 
     Whatever hangs over nothing within an enforced place gets a support: at any angle, however small, and also bridges.
@@ -98,7 +100,7 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
 
 def _list_idle(
     volumes: Areas, hanging: Areas, quality: Quality, plan: LayerPlan, reason: str
-) -> tuple[Bare, ...]:
+) -> tuple[UnsupportedPlace, ...]:
     """List the connected volumes without anything that hangs, at the middle of their lowest section."""
     step = compute_steps(plan, quality.support_threshold_deg)
     area, patch = join_patches(volumes, volumes, Areas.empty(plan.n_layers), step, quality)
@@ -114,12 +116,12 @@ def _list_idle(
     size, (low, high) = pieces.areas.area(), pieces.areas.boxes()
     places = ((low + high) / 2)[first].tolist()
     return tuple(
-        Bare(x, y, float(plan.bottom[pieces.layer[piece]]), float(size[piece]), reason)
+        UnsupportedPlace(x, y, float(plan.bottom[pieces.layer[piece]]), float(size[piece]), reason)
         for (x, y), piece in zip(places, first, strict=True)
     )
 
 
-def _list_places(islands: Areas, block: Areas, plan: LayerPlan, reason: str) -> tuple[Bare, ...]:
+def _list_places(islands: Areas, block: Areas, plan: LayerPlan, reason: str) -> tuple[UnsupportedPlace, ...]:
     """List the islands of which more than half is blocked for the same reason, from the lowest."""
     pieces = split_connected(islands)
     area, (low, high) = pieces.areas.area(), pieces.areas.boxes()
@@ -128,5 +130,5 @@ def _list_places(islands: Areas, block: Areas, plan: LayerPlan, reason: str) -> 
     for piece in np.flatnonzero(covered > area / 2).tolist():
         x, y = ((low[piece] + high[piece]) / 2).tolist()
         z = float(plan.bottom[pieces.layer[piece]])
-        found.append(Bare(x, y, z, float(area[piece]), reason, is_island=True))
+        found.append(UnsupportedPlace(x, y, z, float(area[piece]), reason, is_island=True))
     return tuple(found)
