@@ -1,4 +1,4 @@
-"""Find what hangs in each object, and make the supports of all objects with the settings of each."""
+"""Find the overhangs of each object, and make the supports of all objects with the settings of each."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = ["ObjectOverhangs", "find_object_overhangs", "has_supports", "make_obj
 
 
 class ObjectOverhangs(Struct, frozen=True, eq=False):
-    """What hangs in the layers of an object that have the same settings of supports.
+    """The overhangs in the layers of an object that have the same settings of supports.
 
     Attributes:
         index: number of the object.
@@ -61,7 +61,7 @@ def find_object_overhangs(  # noqa: PLR0913 - the results of all stages
     always_steer: bool = False,
     only_supported: bool = False,
 ) -> list[ObjectOverhangs]:
-    """Find what hangs in each object; its volumes count if it has supports.
+    """Find the overhangs of each object; its volumes count if it has supports.
 
     Args:
         meshes: of each object, with its volumes.
@@ -104,7 +104,7 @@ def find_object_overhangs(  # noqa: PLR0913 - the results of all stages
 def _select_place(
     overhangs: Overhangs, place: Modifier | None, inside: Sequence[Modifier], profile: Profile
 ) -> Overhangs:
-    """Return what hangs within a modifier, or outside all modifiers if `place` is None."""
+    """Return the overhangs within a modifier, or outside all modifiers if `place` is None."""
     from printer_slicer.supports.enforcers import select_overhangs  # noqa: PLC0415 - few parts have modifiers
 
     if place is not None:

@@ -45,7 +45,7 @@ def find_support_owners(supports: Supports, overhangs: Overhangs, part: Mesh) ->
 
 
 def _find_objects_above(hanging: ConnectedAreas, overhangs: Overhangs, part: Mesh) -> Int:
-    """Return the object (P,) of each piece that hangs."""
+    """Return the object (P,) of each overhanging piece."""
     inner = offset(hanging.areas, -_INSET)
     points = np.zeros((hanging.count, 2))
     for areas in (hanging.areas, inner):

@@ -27,7 +27,7 @@ _CONTACT_DEPTH: Final = 0.55  # mm below a support, up to which the part carries
 
 
 def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
-    """Return plastic, time and places of supports, for JSON; None without supports.
+    """Return filament, time and places of supports, for JSON; None without supports.
 
     The time includes the travels to supports. Positions are those after scaling and rotating, not those on the bed.
 
@@ -133,7 +133,7 @@ def _list_slim_pieces(supports: Supports, stages: Stages) -> list[dict[str, floa
 
 
 def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
-    """Format the plastic and the time of supports, and the places that get none, as sentences.
+    """Format the filament and the time of supports, and the places that get none, as sentences.
 
     Args:
         facts: the result of `collect_support_facts`.

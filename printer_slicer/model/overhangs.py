@@ -1,4 +1,4 @@
-"""What hangs: the areas of a part that nothing below carries, layer by layer."""
+"""Overhangs: the areas of a part with nothing below them, layer by layer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["Overhangs"]
 
 
 class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
-    """The areas of each layer that hang over nothing, after bridges and small patches were taken out.
+    """The areas of each layer with nothing below them, except bridges and small patches.
 
     Attributes:
         plan: the layers of the part.
@@ -112,7 +112,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
         )
 
     def of_layers(self, here: Bool) -> Overhangs:
-        """Keep what hangs in the layers for which `here` (L,) is true."""
+        """Keep the overhangs in the layers for which `here` (L,) is true."""
         keep = here[self.area.ring_layer]
         patch = distinct(self.ring_patch[keep])
         return replace(

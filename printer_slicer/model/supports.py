@@ -52,13 +52,13 @@ class SupportPlan(Struct, frozen=True, eq=False):
 
 
 class UnsupportedPlace(Struct, frozen=True):
-    """A place that hangs and gets no support.
+    """A place of an overhang that gets no support.
 
     Attributes:
         x, y, z: its middle and its lower side, mm.
         area: mm².
         reason: why, as a sentence without a full stop.
-        is_island: whether the piece begins in the air.
+        is_island: whether the piece has nothing below it.
         free_distance: largest distance sideways from a point of the place to the nearest support, or to the part below
             the place, mm; 0 if it was not measured.
     """

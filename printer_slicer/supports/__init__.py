@@ -1,4 +1,4 @@
-"""Supports: what hangs, and the structures that carry it."""
+"""Overhangs of a part, and the supports below them."""
 
 from __future__ import annotations
 

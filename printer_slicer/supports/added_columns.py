@@ -1,4 +1,4 @@
-"""Put narrow columns under beads of supports that hang over nothing and are needed."""
+"""Put narrow columns under unsupported beads of supports that an overhang needs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
 
 class AddedColumns(Struct, frozen=True, eq=False):
-    """Columns under hanging beads.
+    """Columns under unsupported beads.
 
     Attributes:
         area: by support layer.
@@ -48,7 +48,7 @@ class AddedColumns(Struct, frozen=True, eq=False):
 
 
 def find_contact_areas(overhangs: Overhangs, plan: SupportPlan, some: Bool) -> Areas:
-    """Return what hangs right above some support layers, a mask (S,), grown as far as a bead carries sideways."""
+    """Return the overhangs right above some support layers, a mask (S,), grown as far as a bead carries sideways."""
     carrier = plan.carrier[overhangs.area.ring_layer]
     order = np.argsort(carrier, kind="stable")
     order = order[(carrier[order] >= 0) & some[carrier[order]]]
@@ -56,7 +56,7 @@ def find_contact_areas(overhangs: Overhangs, plan: SupportPlan, some: Bool) -> A
 
 
 def find_needed_paths(samples: BeadSamples, paths: Toolpaths, kept: Bool, contacts: Areas) -> Bool:
-    """Return a mask (M,) of paths without which something that hangs would stay bare.
+    """Return a mask (M,) of paths without which some place of an overhang would be unsupported.
 
     These are lost paths under what hangs, if no other bead is near, and lost paths below them.
 
@@ -107,7 +107,7 @@ def add_columns(
     blocked: Areas,
     rules: SpanRules,
 ) -> AddedColumns:
-    """Return columns of two walls under hanging stretches, down to the next thing on which they stand.
+    """Return columns of two walls under unsupported stretches, down to the part, the bed or beads below.
 
     Args:
         samples: of the beads.
@@ -139,7 +139,7 @@ def add_columns(
 
 
 def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:
-    """Return the areas of hanging stretches, about twice as wide as their beads, by layer."""
+    """Return the areas of unsupported stretches, about twice as wide as their beads, by layer."""
     which = np.flatnonzero(hanging)
     begins = np.append(True, (np.diff(which) != 1) | (np.diff(samples.path[which]) != 0))
     # A single sample is a short line.

@@ -1,4 +1,4 @@
-"""The way of branches from their tips down to the bed, floor by floor; branches that meet become one."""
+"""Grow branches from their tips down to the bed, level by level, and merge those that meet."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BranchNodes(Struct, frozen=True, eq=False):
         radius: (N,) mm.
         below: (N,) next node down; -1: the branch ends here.
         lower_radius: (N,) radius of the piece from this node where it arrives at the next one, mm.
-        floor: (N,) floor of the node; -1: a tip, or an end on the part.
+        level: (N,) level of the node; -1: a tip, or an end on the part.
         movable: (N,) whether the node may be moved by smoothing.
         on_part: (N,) whether the branch ends here on the part.
     """
@@ -35,13 +35,13 @@ class BranchNodes(Struct, frozen=True, eq=False):
     radius: Float
     below: Int
     lower_radius: Float
-    floor: Int
+    level: Int
     movable: Bool
     on_part: Bool
 
     @property
     def upper_nodes(self) -> Int:
-        """Upper ends (B,) of all pieces; a floor at the height of the part's surface leaves no room for a piece."""
+        """Upper ends (B,) of all pieces; a level at the height of the part's surface leaves no room for a piece."""
         upper = np.flatnonzero(self.below >= 0)
         return np.asarray(upper[self.place[upper, 2] > self.place[self.below[upper], 2] + _ROUNDING])
 
@@ -57,8 +57,8 @@ class BranchNodes(Struct, frozen=True, eq=False):
     def piece_heights(self) -> Float:
         """Distance (B,) from the lower end of each piece up to the highest tip of its branch, mm."""
         highest, upper = np.array(self.place[:, 2]), self.upper_nodes
-        for floor in (-1, *range(int(self.floor.max(initial=-1)), -1, -1)):
-            some = upper[self.floor[upper] == floor]
+        for level in (-1, *range(int(self.level.max(initial=-1)), -1, -1)):
+            some = upper[self.level[upper] == level]
             np.maximum.at(highest, self.below[some], highest[some])
         lower = self.below[upper]
         return np.asarray(highest[lower] - self.place[lower, 2])
@@ -79,12 +79,12 @@ class _Nodes:
         self._upper, self._lower, self._arrived = list[Int](), list[Int](), list[Float]()
         self.count = n
 
-    def add(self, place: Float, radius: Float, floor: int, *, movable: Bool, on_part: bool = False) -> Int:
+    def add(self, place: Float, radius: Float, level: int, *, movable: Bool, on_part: bool = False) -> Int:
         """Add nodes (n, 3) and return their indices (n,)."""
         n = len(place)
         self._place.append(place)
         self._radius.append(radius)
-        self._floor.append(np.full(n, floor))
+        self._floor.append(np.full(n, level))
         self._movable.append(movable)
         self._on_part.append(np.full(n, on_part))
         self.count += n
@@ -117,8 +117,8 @@ class _Nodes:
         for upper, lower, radius in zip(self._upper, self._lower, self._arrived, strict=True):
             below[upper], lower_radius[upper] = lower, radius
         columns = (self._place, self._radius, self._floor, self._movable, self._on_part)
-        place, own, floor, movable, on_part = (np.concatenate(column) for column in columns)
-        return BranchNodes(place, own, below, lower_radius, floor, movable, on_part)
+        place, own, level, movable, on_part = (np.concatenate(column) for column in columns)
+        return BranchNodes(place, own, below, lower_radius, level, movable, on_part)
 
 
 def grow_branches(
@@ -126,7 +126,7 @@ def grow_branches(
 ) -> BranchNodes:
     """Lead the branches of all tips that can be reached down to the bed or to the part.
 
-    On each floor, those that are close become one. Each branch then moves towards the nearest other one that it can
+    On each level, those that are close become one. Each branch then moves towards the nearest other one that it can
     meet, or else along the cheapest way, and only to places from which a branch of its radius reaches its end.
 
     Args:
@@ -137,16 +137,16 @@ def grow_branches(
     """
     nodes = _Nodes(tips, settings.tip_radius)
     live = _begin(tips, starts, np.zeros(0, np.int64))
-    for floor in range(fields.n_floors - 1, -1, -1):
-        if floor:
-            live = _concatenate(live, _begin(tips, starts, np.flatnonzero(starts.floor == floor)))
+    for level in range(fields.n_levels - 1, -1, -1):
+        if level:
+            live = _concatenate(live, _begin(tips, starts, np.flatnonzero(starts.level == level)))
         if not len(live.node):
             continue
-        live = _arrive(live, floor, nodes, fields, settings)
-        live = _end_on_part(live, floor, nodes, fields)
-        if floor and len(live.node):
-            live = _go_down(live, floor, fields, settings)
-    low = np.flatnonzero(starts.floor == 0)  # their first piece ends on the bed
+        live = _arrive(live, level, nodes, fields, settings)
+        live = _end_on_part(live, level, nodes, fields)
+        if level and len(live.node):
+            live = _go_down(live, level, fields, settings)
+    low = np.flatnonzero(starts.level == 0)  # their first piece ends on the bed
     place = np.column_stack([starts.place[low], np.zeros(len(low))])
     foot = nodes.add(place, starts.radius[low], 0, movable=np.zeros(len(low), np.bool_))
     nodes.link(low, foot, starts.radius[low])
@@ -154,7 +154,7 @@ def grow_branches(
 
 
 def _begin(tips: Float, starts: FirstSegments, which: Int) -> LiveBranches:
-    """Return the branches of some tips as they arrive at their first floor."""
+    """Return the branches of some tips as they arrive at their first level."""
     n, radius = len(which), starts.radius[which]
     reach, drift = np.zeros(n), np.zeros((n, 2))
     return LiveBranches(which, starts.cell[which], radius, starts.to_bed[which], reach, tips[which], drift)
@@ -170,44 +170,44 @@ def _concatenate(live: LiveBranches, new: LiveBranches) -> LiveBranches:
     )
 
 
-def _pick(to_bed: Bool, floor: int, cell: Int, fields: ReachFields, name: str) -> Float32:
-    """Return the values of a field at cells (n, ...) of a floor, for branches (n,) to the bed or to any end."""
-    bed, part = (getattr(ways, name)[floor].ravel() for ways in (fields.to_bed, fields.to_any))
+def _pick(to_bed: Bool, level: int, cell: Int, fields: ReachFields, name: str) -> Float32:
+    """Return the values of a field at cells (n, ...) of a level, for branches (n,) to the bed or to any end."""
+    bed, part = (getattr(ways, name)[level].ravel() for ways in (fields.to_bed, fields.to_any))
     shape = (len(to_bed),) + (1,) * (cell.ndim - 1)
     return np.asarray(np.where(to_bed.reshape(shape), bed[cell], part[cell]))
 
 
 def _arrive(
-    live: LiveBranches, floor: int, nodes: _Nodes, fields: ReachFields, settings: TreeSettings
+    live: LiveBranches, level: int, nodes: _Nodes, fields: ReachFields, settings: TreeSettings
 ) -> LiveBranches:
-    """Make the nodes of a floor, one for all branches that become one there; return the branches that go on."""
+    """Make the nodes of a level, one for all branches that become one there; return the branches that go on."""
     above = nodes.place_of(live.node)
-    group, merged = join_branches(live, above[:, :2], floor, fields, settings)
+    group, merged = join_branches(live, above[:, :2], level, fields, settings)
     middle = fields.grid.find_middles(merged.cell)
-    place = np.column_stack([middle, np.full(len(middle), floor * fields.storey)])
+    place = np.column_stack([middle, np.full(len(middle), level * fields.slab)])
     from_tip = np.zeros(len(middle), np.bool_)
     from_tip[group[live.reach == 0]] = True
-    node = nodes.add(place, merged.radius, floor, movable=~from_tip)
+    node = nodes.add(place, merged.radius, level, movable=~from_tip)
     aside = norm(above[:, :2] - middle[group])
-    height = above[:, 2] - floor * fields.storey
+    height = above[:, 2] - level * fields.slab
     thin = nodes.radius_of(live.node)
     arrived = np.minimum(live.radius, np.maximum(thin + settings.slope * height - aside, thin))
     nodes.link(live.node, node[group], arrived)
     return replace(merged, node=node)
 
 
-def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: ReachFields) -> LiveBranches:
-    """End the branches that stand on the part under this floor; return the others."""
-    if not floor:
+def _end_on_part(live: LiveBranches, level: int, nodes: _Nodes, fields: ReachFields) -> LiveBranches:
+    """End the branches that stand on the part under this level; return the others."""
+    if not level:
         return live
-    room = fields.landing[floor].ravel()[live.cell]
-    price = _pick(live.to_bed, floor, live.cell, fields, "price")
-    cheapest = np.abs(price - fields.scar[floor].ravel()[live.cell]) <= 1e-3
-    ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, floor, fields))
+    room = fields.end_radius[level].ravel()[live.cell]
+    price = _pick(live.to_bed, level, live.cell, fields, "price")
+    cheapest = np.abs(price - fields.end_price[level].ravel()[live.cell]) <= 1e-3
+    ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, level, fields))
     here = live.take(ends)
     if len(here.node):
         around, inside = fields.grid.find_moved_cells(here.cell, NEIGHBOUR_CELLS)
-        z = np.where(inside, fields.surface[floor].ravel()[around], np.inf).min(axis=1).astype(np.float64)
+        z = np.where(inside, fields.surface[level].ravel()[around], np.inf).min(axis=1).astype(np.float64)
         place = np.column_stack([fields.grid.find_middles(here.cell), z])
         foot = nodes.add(place, here.radius, -1, movable=np.zeros(len(z), np.bool_), on_part=True)
         nodes.link(here.node, foot, here.radius)
@@ -215,30 +215,30 @@ def _end_on_part(live: LiveBranches, floor: int, nodes: _Nodes, fields: ReachFie
     return live.take(~ends)
 
 
-def _can_go_on(live: LiveBranches, floor: int, fields: ReachFields) -> Bool:
-    """Return a mask (n,) of branches that can go down one more floor."""
+def _can_go_on(live: LiveBranches, level: int, fields: ReachFields) -> Bool:
+    """Return a mask (n,) of branches that can go down one more level."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
-    free = np.where(inside, _pick(live.to_bed, floor - 1, cell, fields, "free"), -np.inf)
-    room = np.minimum(free.max(axis=1), fields.clear[floor - 1].ravel()[live.cell])
+    free = np.where(inside, _pick(live.to_bed, level - 1, cell, fields, "free"), -np.inf)
+    room = np.minimum(free.max(axis=1), fields.clear[level - 1].ravel()[live.cell])
     return np.asarray(room >= live.radius - _ROUNDING)
 
 
-def _go_down(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> LiveBranches:
-    """Move all branches to the floor below."""
+def _go_down(live: LiveBranches, level: int, fields: ReachFields, settings: TreeSettings) -> LiveBranches:
+    """Move all branches to the level below."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
-    free = _pick(live.to_bed, floor - 1, cell, fields, "free")
+    free = _pick(live.to_bed, level - 1, cell, fields, "free")
     possible = inside & (free >= live.radius[:, None] - _ROUNDING)
-    price = _pick(live.to_bed, floor - 1, cell, fields, "price") + fields.moves.length
-    goal = choose_goals(live, floor, fields, settings) + live.drift
+    price = _pick(live.to_bed, level - 1, cell, fields, "price") + fields.moves.length
+    goal = choose_goals(live, level, fields, settings) + live.drift
     away = norm(fields.grid.find_middles(cell) - goal[:, None])
     cost = np.where(possible, np.where(np.isnan(away), price, away), np.inf)
     best, own = np.argmin(cost, axis=1), np.arange(len(cost))
     if not np.isfinite(cost[own, best]).all():
         raise AssertionError("a branch stands where none reaches its end")
     aside = fields.moves.aside[best]
-    most = np.minimum(free[own, best], live.radius + settings.slope * fields.storey - aside)
-    radius = np.maximum(np.minimum(grow_radius(live.radius, fields.storey, settings), most), live.radius)
-    reach = np.full(len(own), settings.slope * fields.storey + _ROUNDING)
+    most = np.minimum(free[own, best], live.radius + settings.slope * fields.slab - aside)
+    radius = np.maximum(np.minimum(grow_radius(live.radius, fields.slab, settings), most), live.radius)
+    reach = np.full(len(own), settings.slope * fields.slab + _ROUNDING)
     drift = np.nan_to_num(goal - fields.grid.find_middles(cell[own, best]))
     drift = np.clip(drift, -fields.grid.cell / 2, fields.grid.cell / 2)
     return replace(live, cell=cell[own, best], radius=radius, reach=reach, drift=drift)

@@ -1,4 +1,4 @@
-"""Which branches go towards each other, and which become one."""
+"""Choose which branches approach each other, and merge those that meet."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ROUNDING = 1e-5  # mm
 
 
 class LiveBranches(Struct, frozen=True, eq=False):
-    """Branches that arrive at a floor, all (n,) unless said otherwise.
+    """Branches that arrive at a level, all (n,) unless said otherwise.
 
     Attributes:
         node: the node above.
@@ -45,15 +45,15 @@ class LiveBranches(Struct, frozen=True, eq=False):
         return LiveBranches(*(getattr(self, name)[which] for name in self.__struct_fields__))
 
 
-def choose_goals(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> Float:
-    """Return the place (n, 2) to which each branch should go next, mm; nan for those without a partner.
+def choose_goals(live: LiveBranches, level: int, fields: ReachFields, settings: TreeSettings) -> Float:
+    """Return the place (n, 2) to which each branch should go next, mm; nan: no branch to merge with.
 
     The partner is the nearest other branch to the same kind of end that can be met before the end, each going half the
     way at the slow slope, without closing a ring around the part.
     """
     here = fields.grid.find_middles(live.cell)
     result = np.full_like(here, np.nan)
-    height = _estimate_height(live, floor, fields, settings)
+    height = _estimate_height(live, level, fields, settings)
     own, other = _find_nearest(here, live.to_bed, 2 * settings.slow_slope * float(height.max()))
     gap = norm(here[other] - here[own])
     meets = gap / 2 < np.minimum(height[own], height[other]) * settings.slow_slope
@@ -64,7 +64,7 @@ def choose_goals(live: LiveBranches, floor: int, fields: ReachFields, settings: 
     )
     some = rank < _PARTNERS
     own, other, gap = own[some], other[some], gap[some]
-    z = floor * fields.storey - gap / 2 / settings.slow_slope
+    z = level * fields.slab - gap / 2 / settings.slow_slope
     meeting = np.column_stack([(here[own] + here[other]) / 2, z])
     free = ~encloses_part(live.head[own], live.head[other], meeting, fields)
     own, other, gap = own[free], other[free], gap[free]
@@ -78,7 +78,7 @@ def choose_goals(live: LiveBranches, floor: int, fields: ReachFields, settings: 
     led = np.flatnonzero((mate >= 0) | np.isin(np.arange(len(here)), own))
     way = goal[led] - here[led]
     length = norm(way)
-    step = np.minimum(length, settings.slow_slope * fields.storey) / np.maximum(length, 1e-9)
+    step = np.minimum(length, settings.slow_slope * fields.slab) / np.maximum(length, 1e-9)
     result[led] = here[led] + step[:, None] * way
     return result
 
@@ -113,10 +113,10 @@ def match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
     return mate
 
 
-def _estimate_height(live: LiveBranches, floor: int, fields: ReachFields, settings: TreeSettings) -> Float:
+def _estimate_height(live: LiveBranches, level: int, fields: ReachFields, settings: TreeSettings) -> Float:
     """Return about how much higher than its end (n,) each branch is, mm."""
-    z = floor * fields.storey
-    left = fields.to_any.price[floor].ravel()[live.cell].astype(np.float64) - settings.scar_price
+    z = level * fields.slab
+    left = fields.to_any.price[level].ravel()[live.cell].astype(np.float64) - settings.scar_price
     return np.where(live.to_bed, z, np.clip(left, 0.0, z))
 
 
@@ -160,24 +160,24 @@ def encloses_part(one: Float, other: Float, meeting: Float, fields: ReachFields)
     web = edge[:, :, None] + share[:, None] * (meeting[:, None, None] - edge[:, :, None])
     flat = web.reshape(-1, 3)
     cell = fields.grid.find_cells(flat[:, :2])
-    solid = fields.solid.reshape(fields.n_floors, -1)[fields.find_floors(flat[:, 2]), cell].reshape(
+    solid = fields.solid.reshape(fields.n_levels, -1)[fields.find_levels(flat[:, 2]), cell].reshape(
         web.shape[:-1]
     )
     # Near the tips, the raster cannot tell what is beside the overhang from what is under it.
-    low = web[..., 2] < (np.minimum(one[:, 2], other[:, 2]) - fields.storey)[:, None, None]
+    low = web[..., 2] < (np.minimum(one[:, 2], other[:, 2]) - fields.slab)[:, None, None]
     was_free = np.maximum.accumulate(~solid & low, axis=2)
     return np.asarray((solid[..., 1:] & was_free[..., :-1]).any(axis=(1, 2)))
 
 
 def join_branches(
-    live: LiveBranches, above: Float, floor: int, fields: ReachFields, settings: TreeSettings
+    live: LiveBranches, above: Float, level: int, fields: ReachFields, settings: TreeSettings
 ) -> tuple[Int, LiveBranches]:
     """Join branches that are closer than half the thicker radius, or in neighbouring cells.
 
     Args:
-        live: branches arriving at a floor.
+        live: branches arriving at a level.
         above: (n, 2) where each comes from, mm.
-        floor: of them.
+        level: of them.
         fields: where branches can go.
         settings: of trees.
 
@@ -187,7 +187,7 @@ def join_branches(
     group, joined = np.arange(len(live.node)), live
     while True:
         pairs = _find_pairs(joined, fields)
-        one, other, cell = _keep_possible(pairs, (joined, group), (live, above), floor, fields)
+        one, other, cell = _keep_possible(pairs, (joined, group), (live, above), level, fields)
         if not len(one):
             return group, joined
         number = np.arange(len(joined.node))
@@ -197,7 +197,7 @@ def join_branches(
             np.minimum(joined.radius[one], joined.radius[other]),
         )
         radius, cells, head = joined.radius.copy(), joined.cell.copy(), joined.head.copy()
-        most = _room(joined.take(one), cell, floor, fields)
+        most = _room(joined.take(one), cell, level, fields)
         radius[one] = np.maximum(
             np.minimum(np.hypot(thick, thin / 2), np.minimum(most, settings.largest_radius)), thick
         )
@@ -212,9 +212,9 @@ def join_branches(
         joined = replace(joined, radius=radius, cell=cells, head=head).take(kept)
 
 
-def _room(live: LiveBranches, cell: Int, floor: int, fields: ReachFields) -> Float:
+def _room(live: LiveBranches, cell: Int, level: int, fields: ReachFields) -> Float:
     """Return the radius (n,) of the thickest branch of the kind of each at a cell (n,), mm."""
-    bed, part = (ways.radius[floor].ravel()[cell] for ways in (fields.to_bed, fields.to_any))
+    bed, part = (ways.radius[level].ravel()[cell] for ways in (fields.to_bed, fields.to_any))
     return np.asarray(np.where(live.to_bed, bed, part), np.float64)
 
 
@@ -234,19 +234,19 @@ def _keep_possible(
     pairs: tuple[Int, Int],
     groups: tuple[LiveBranches, Int],
     members: tuple[LiveBranches, Float],
-    floor: int,
+    level: int,
     fields: ReachFields,
 ) -> tuple[Int, Int, Int]:
     """Return the pairs (P,), (P,) that can become one now, and the cell (P,) of each; no branch is in two pairs.
 
-    All branches that were joined before must be able to reach the cell from the floor above.
+    All branches that were joined before must be able to reach the cell from the level above.
     """
     (one, other), (joined, group), (live, above) = pairs, groups, members
-    room = [_room(joined.take(which), joined.cell[which], floor, fields) for which in (one, other)]
+    room = [_room(joined.take(which), joined.cell[which], level, fields) for which in (one, other)]
     cell = np.where(room[0] >= room[1], joined.cell[one], joined.cell[other])
     fits = np.maximum(*room) >= np.maximum(joined.radius[one], joined.radius[other]) - _ROUNDING
     clear = (
-        fields.clear[floor].ravel()[cell] >= np.maximum(joined.radius[one], joined.radius[other]) - _ROUNDING
+        fields.clear[level].ravel()[cell] >= np.maximum(joined.radius[one], joined.radius[other]) - _ROUNDING
     )
     still = joined.cell[one] == joined.cell[other]
     fits &= clear | still
@@ -259,7 +259,7 @@ def _keep_possible(
         away = norm(fields.grid.find_middles(cell[pair]) - above[member])
         reached = (away <= live.reach[member]) | (cell[pair] == live.cell[member])
         fits[pair[~reached]] = False
-    meeting = np.column_stack([fields.grid.find_middles(cell), np.full(len(cell), floor * fields.storey)])
+    meeting = np.column_stack([fields.grid.find_middles(cell), np.full(len(cell), level * fields.slab)])
     fits[fits] = ~encloses_part(joined.head[one[fits]], joined.head[other[fits]], meeting[fits], fields)
     one, other, cell = one[fits], other[fits], cell[fits]
     return _take_once(one, other, cell, len(joined.node))

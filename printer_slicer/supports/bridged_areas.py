@@ -1,4 +1,4 @@
-"""Find what bridges carry: areas under lines that are supported at both ends.
+"""Find areas that need no supports because bridge lines with both ends on the part cross them.
 
 Two kinds of lines are tested: those of bridge regions, in the rows in which infill lays them, and external perimeters.
 """

@@ -1,7 +1,7 @@
-"""Print what lies on supports as solid infill, not as bridges.
+"""Print bridges over supports as solid infill.
 
 Lines of thick bridges reach below their layer, so the gap to a support would be smaller than the settings say. Lines
-that lie on a support do not need to hang freely.
+that lie on a support are no bridges.
 """
 
 from __future__ import annotations

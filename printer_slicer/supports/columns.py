@@ -1,4 +1,4 @@
-"""Columns: supports that stand straight below what hangs, on the bed or on the part."""
+"""Columns: supports that stand straight below overhangs, on the bed or on the part."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
 def find_contacts(
     overhangs: Overhangs, plan: SupportPlan, blocked: Areas, growth: float, closing: float
 ) -> Areas:
-    """Return the areas by support layer under what hangs, as far as supports may be there.
+    """Return the areas by support layer under overhangs, as far as supports may be there.
 
     They reach `growth` mm beyond slopes that hang, and less beyond horizontal faces. Gaps within a patch that are
     narrower than twice `closing` are closed.

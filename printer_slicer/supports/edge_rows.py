@@ -29,7 +29,7 @@ _FAR: Final = 1e4  # mm between the rows of a hatch, so that it has only one
 
 
 def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, profile: Profile) -> Toolpaths:
-    """Return the paths of columns, with rows added below bare places of which the column reaches the edge.
+    """Return the paths of columns, with rows added below unsupported places of which the column reaches the edge.
 
     Args:
         supports: the columns.
@@ -61,7 +61,7 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
 def _make_row(
     group: UnsupportedPoints, room: Areas, supports: Supports, shortest: float
 ) -> tuple[Float, Int]:
-    """Return the lines (n, 2, 2) of the row below a bare place, in all layers of its column, and their layers (n,)."""
+    """Return lines (n, 2, 2) of the row below an unsupported place, in all layers of its column, and layers (n,)."""
     (left, low), (right, high) = group.xy.min(axis=0), group.xy.max(axis=0)
     carrier, tops = supports.plan.carrier[group.layer], supports.plan.layers.top
     first = int(np.searchsorted(tops, tops[carrier.min()] - _BELOW))

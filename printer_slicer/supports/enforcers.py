@@ -1,4 +1,4 @@
-"""Apply support enforcers and blockers, and painted facets, to what hangs."""
+"""Apply support enforcers and blockers, and painted facets, to overhangs."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOT_ENFORCED: Final = "supports are made only in enforced places"
 def apply_enforcers_and_blockers(
     overhangs: Overhangs, sections: Sections, volumes: VolumeSections, quality: Quality
 ) -> Overhangs:
-    """Add what is enforced to what hangs, then take out what is blocked.
+    """Add enforced areas to overhangs, then remove blocked ones.
 
     Whatever hangs over nothing within an enforced place gets a support: at any angle, however small, and also bridges.
     Where a place is enforced and blocked, it is blocked; islands that are blocked are listed. With
@@ -69,7 +69,7 @@ def apply_enforcers_and_blockers(
 
 
 def select_overhangs(overhangs: Overhangs, place: Areas, quality: Quality, *, inside: bool) -> Overhangs:
-    """Return what hangs inside or outside a place, given by its area in each layer; lists stay with the outside."""
+    """Return the overhangs inside or outside a place, given by its area in each layer; lists stay with the outside."""
     cut = intersection if inside else difference
     area, islands, bridged = (
         cut(one, place) for one in (overhangs.area, overhangs.islands, overhangs.bridged)
@@ -92,7 +92,7 @@ def select_overhangs(overhangs: Overhangs, place: Areas, quality: Quality, *, in
 
 
 def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
-    """Return what hangs over nothing within the enforced places."""
+    """Return the areas with no part below them within the enforced places."""
     hangs = difference(intersection(solid, enforce), solid.shift_layers(1))
     on_bed = np.arange(solid.n_layers) == 0
     return offset_open(hangs.of_layers(~on_bed), _SLIVER)
@@ -101,7 +101,7 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
 def _list_idle(
     volumes: Areas, hanging: Areas, quality: Quality, plan: LayerPlan, reason: str
 ) -> tuple[UnsupportedPlace, ...]:
-    """List the connected volumes without anything that hangs, at the middle of their lowest section."""
+    """List the connected volumes without any overhang, at the middle of their lowest section."""
     step = compute_steps(plan, quality.support_threshold_deg)
     area, patch = join_patches(volumes, volumes, Areas.empty(plan.n_layers), step, quality)
     if not area.n_rings:

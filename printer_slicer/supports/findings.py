@@ -1,4 +1,4 @@
-"""Find supports that are hard to take off, and supports that are too slim to stand firmly."""
+"""Find supports that are hard to remove, and supports that may fall over because they are slim."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SAME: Final = 1e-6  # mm
 
 
 class Grip(Struct, frozen=True):
-    """A closed ring of supports around the part, which must be broken to take it off.
+    """A closed ring of supports around the part, which must be broken to remove it.
 
     Attributes:
         x, y: a point of the part inside the ring, mm.

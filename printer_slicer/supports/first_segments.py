@@ -1,7 +1,7 @@
-"""The first piece of each branch: from its tip to a floor below the storey that holds the overhang.
+"""The first segment of each branch: from its tip to a level below the slab that holds the overhang.
 
-The storeys around the tip hold the overhang itself, so the raster says nothing about them. Here the sections are
-compared with the piece itself.
+The slabs around the tip hold the overhang itself, so the raster says nothing about them. Here the sections are
+compared with the segment itself.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ _NEAREST_RATIO = 1.1  # of the gap beside the part; nearer to it, too little of 
 
 
 class FirstSegments(Struct, frozen=True, eq=False):
-    """Where the first pieces of branches end.
+    """Where the first segments of branches end.
 
     Attributes:
-        floor: (T,) floor of the lower end; -1: no branch reaches the tip.
-        cell: (T,) cell on that floor.
+        level: (T,) level of the lower end; -1: no branch reaches the tip.
+        cell: (T,) cell on that level.
         place: (T, 2) place in it, mm; on the bed it need not be the middle of the cell.
         radius: (T,) radius there, mm.
         to_bed: (T,) whether the branch goes on to the bed; else it may stand on the part.
     """
 
-    floor: Int
+    level: Int
     cell: Int
     place: Float
     radius: Float
@@ -54,7 +54,7 @@ class FirstSegments(Struct, frozen=True, eq=False):
     @property
     def found(self) -> Bool:
         """Mask (T,) of tips that a branch reaches."""
-        return self.floor >= 0
+        return self.level >= 0
 
 
 def grow_radius(radius: Float, height: Float | float, settings: TreeSettings) -> Float:
@@ -69,7 +69,7 @@ def grow_radius(radius: Float, height: Float | float, settings: TreeSettings) ->
 def choose_first_segments(
     tips: Float, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> FirstSegments:
-    """Choose the lower end of the first piece of each branch.
+    """Choose the lower end of the first segment of each branch.
 
     Args:
         tips: (T, 3) mm, the upper ends.
@@ -78,58 +78,58 @@ def choose_first_segments(
         settings: of trees.
     """
     n = len(tips)
-    floor, place = np.full(n, -1), np.zeros((n, 2))
-    storey = fields.find_floors(tips[:, 2])
+    level, place = np.full(n, -1), np.zeros((n, 2))
+    slab = fields.find_levels(tips[:, 2])
     for lower in (1, 0, 2):
-        left = np.flatnonzero((floor < 0) & (storey >= min(lower, 1)) | (floor < 0) & (lower == 1))
-        at = np.maximum(storey[left] - lower, 0)
+        left = np.flatnonzero((level < 0) & (slab >= min(lower, 1)) | (level < 0) & (lower == 1))
+        at = np.maximum(slab[left] - lower, 0)
         best, cost = _find_best_ends(tips[left], at, fields, sections, settings)
         found = np.isfinite(cost)
-        floor[left[found]], place[left[found]] = at[found], best[found]
+        level[left[found]], place[left[found]] = at[found], best[found]
     cell = fields.grid.find_cells(place)
     aside = norm(tips[:, :2] - place)
-    height = tips[:, 2] - floor * fields.storey
+    height = tips[:, 2] - level * fields.slab
     any_price, bed_price = (
-        ways.price.reshape(fields.n_floors, -1)[floor, cell] for ways in (fields.to_any, fields.to_bed)
+        ways.price.reshape(fields.n_levels, -1)[level, cell] for ways in (fields.to_any, fields.to_bed)
     )
     to_bed = bed_price <= any_price
     most = np.where(
         to_bed,
-        *(ways.radius.reshape(fields.n_floors, -1)[floor, cell] for ways in (fields.to_bed, fields.to_any)),
+        *(ways.radius.reshape(fields.n_levels, -1)[level, cell] for ways in (fields.to_bed, fields.to_any)),
     )
     thin = np.full(n, settings.tip_radius)
     radius = np.minimum(grow_radius(thin, height, settings), thin + settings.slope * height - aside)
-    return FirstSegments(floor, cell, place, np.maximum(np.minimum(radius, most), thin), to_bed)
+    return FirstSegments(level, cell, place, np.maximum(np.minimum(radius, most), thin), to_bed)
 
 
 def _find_best_ends(
-    tips: Float, floor: Int, fields: ReachFields, sections: Sections, settings: TreeSettings
+    tips: Float, level: Int, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> tuple[Float, Float]:
-    """Return the best place (T, 2) on the floor (T,) for the end of each piece, mm, and its cost (T,); inf: none."""
+    """Return the best place (T, 2) on the level (T,) for the end of each piece, mm, and its cost (T,); inf: none."""
     if not len(tips):
         return np.zeros((0, 2)), np.zeros(0)
-    grid, height = fields.grid, (tips[:, 2] - floor * fields.storey)[:, None]
-    moves = CellMoves.within(float(height.max() * settings.slope) + grid.cell, fields.storey, grid.cell)
+    grid, height = fields.grid, (tips[:, 2] - level * fields.slab)[:, None]
+    moves = CellMoves.within(float(height.max() * settings.slope) + grid.cell, fields.slab, grid.cell)
     cell, inside = grid.find_moved_cells(grid.find_cells(tips[:, :2]), moves.step)
     way = grid.find_middles(cell) - tips[:, None, :2]
     aside, most = norm(way), settings.slope * height
     # Only on the bed need a branch not stand in the middle of a cell.
-    on_bed = (floor == 0)[:, None]
+    on_bed = (level == 0)[:, None]
     way *= np.where(on_bed & (aside > most), most / np.maximum(aside, 1e-9), 1.0)[..., None]
-    price = fields.to_any.price.reshape(fields.n_floors, -1)[floor[:, None], cell]
+    price = fields.to_any.price.reshape(fields.n_levels, -1)[level[:, None], cell]
     possible = inside & (on_bed | (aside <= most))
     cost = np.where(possible, price + np.hypot(np.minimum(aside, most), height), np.inf)
     order = np.argsort(cost, axis=1, kind="stable")[:, :_MOST_CHOICES]
     own = np.arange(len(tips))[:, None]
     place, cost = tips[:, None, :2] + way[own, order], cost[own, order]
     which, choice = np.nonzero(np.isfinite(cost))
-    ends = np.column_stack([place[which, choice], floor[which] * fields.storey])
-    cost[which, choice] += _price_first_pieces(tips[which], ends, fields, sections, settings)
+    ends = np.column_stack([place[which, choice], level[which] * fields.slab])
+    cost[which, choice] += _price_first_segments(tips[which], ends, fields, sections, settings)
     best = np.argmin(cost, axis=1)
     return place[own[:, 0], best], cost[own[:, 0], best]
 
 
-def _price_first_pieces(
+def _price_first_segments(
     tips: Float, ends: Float, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> Float:
     """Return the price (n,) of pieces from tips to ends (n, 3) for coming too near to the part; inf: they touch it."""
@@ -138,11 +138,11 @@ def _price_first_pieces(
     layer = np.minimum(np.searchsorted(sections.plan.top, points[:, 2] + 1e-6), sections.plan.n_layers - 1)
     distance = -depths(sections.solid, points[:, :2], layer, reach)
     far = np.isnan(distance)
-    inside = fields.solid.reshape(fields.n_floors, -1)[
-        fields.find_floors(points[:, 2]), fields.grid.find_cells(points[:, :2])
+    inside = fields.solid.reshape(fields.n_levels, -1)[
+        fields.find_levels(points[:, 2]), fields.grid.find_cells(points[:, :2])
     ]
     distance[far] = reach
-    # The raster also marks cells under the overhang in its own storey. Only points far from outlines count as inside.
+    # The raster also marks cells under the overhang in its own slab. Only points far from outlines count as inside.
     lost = far & inside & _is_solid_there(sections, points, layer, far & inside)
     touches = lost | (distance < _NEAREST_RATIO * settings.xy_gap)
     short = np.where(touches, np.inf, np.clip(reach - distance, 0.0, None))

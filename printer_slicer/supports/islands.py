@@ -1,4 +1,4 @@
-"""Find islands, which begin in the air, and tails, which are attached to the part below by a dot only.
+"""Find islands, which have nothing below them, and tails, which are attached to the part below at a small spot.
 
 A piece of a section stands if it overlaps a standing piece of the section below; on the first layer all pieces stand. A
 body that does not stand ends where one of its pieces overlaps a standing one.
@@ -27,7 +27,7 @@ _LARGEST_TAIL = 100  # squared extrusion widths; more than a tail cannot hang un
 
 
 def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: float) -> Areas:
-    """Return the lowest piece of each body that stands on nothing, and what hangs of tails.
+    """Return the lowest piece of each body that stands on nothing, and the overhangs of tails.
 
     A piece that lies within a step beside the section below continues a slope. It is left out.
 
@@ -54,7 +54,7 @@ def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: f
 
 
 def _find_carried(solid: Areas, chosen: ConnectedAreas, begins: Bool) -> Bool:
-    """Return a mask (P,) of the chosen pieces that belong to a body that begins in the air.
+    """Return a mask (P,) of the chosen pieces that belong to a body that has nothing below it.
 
     Args:
         solid: section of each layer.

@@ -1,4 +1,4 @@
-"""Find what hangs: slopes that are flatter than the threshold, islands and tails, without what bridges carry."""
+"""Find overhangs: slopes flatter than the threshold, islands and tails, except areas under bridges."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FLAT = 0.2  # share of a patch that hangs in one layer, if the patch is not a s
 
 
 def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Overhangs:
-    """Find the areas of each layer that hang and need supports, whether or not the profile has supports.
+    """Find the areas of each layer that need supports, whether or not the profile has supports.
 
     Left out are areas that bridge lines and perimeters carry from support to support, and patches that are smaller than
     the profile allows, except islands and tails.
@@ -51,7 +51,7 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
 
 
 def mark_flat_layers(area: Areas, ring_patch: Int) -> Bool:
-    """Return a mask (L,) of the layers in which more than a fifth of a patch hangs."""
+    """Return a mask (L,) of the layers that contain more than a fifth of a patch."""
     size, n_layers = area.ring_area(), area.n_layers
     whole = np.bincount(ring_patch, size)
     keys, entry = np.unique(ring_patch * n_layers + area.ring_layer, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Join pieces that hang into patches, and drop patches that are too small to need supports.
+"""Join overhanging pieces into patches, and drop patches that are too small to need supports.
 
 A slope hangs as one strip in each layer, and the thinner the layers, the narrower the strips. So the size of a patch
 counts, seen from above, never that of a strip.

@@ -60,7 +60,7 @@ def find_slim_columns(supports: Supports, spacing: float, width: Float) -> Areas
 
 
 def _drop_hanging(slim: Areas, base: Areas, width: Float) -> Areas:
-    """Return the slim columns, by layer, without pieces whose loops would hang between the lines of the base below."""
+    """Return the slim columns, by layer, without pieces whose loops the lines of the base do not support."""
     pieces = split_connected(slim)
     loops = offset(pieces.areas, -width[pieces.layer] / 2)
     point, layer = (loops.xy + loops.xy[loops.following]) / 2, pieces.layer[loops.point_layer]

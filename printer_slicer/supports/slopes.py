@@ -1,4 +1,4 @@
-"""Find the areas of sections that hang because the surface is flatter than the threshold.
+"""Find overhangs whose surface is flatter than the threshold.
 
 Sections are cut somewhere within each layer. A surface with the angle t to the horizontal moves outward by
 (distance of the cuts) / tan t from one section to the next. So a plane is found at all layer heights, or at none.
@@ -19,12 +19,12 @@ _SLACK = 1e-3  # mm; more than the rounding of areas
 
 
 def limit_threshold(threshold_deg: float) -> float:
-    """Return the angle from the horizontal below which surfaces hang, degrees: the setting, or 5 if that is larger."""
+    """Return the angle from the horizontal below which surfaces are overhangs, degrees: the setting, at least 5."""
     return max(threshold_deg, _FLATTEST)
 
 
 def compute_steps(plan: LayerPlan, threshold_deg: float) -> Float:
-    """Return how far (L,) a section may extend beyond the one below before it hangs, mm."""
+    """Return how far (L,) a section may extend beyond the one below without being an overhang, mm."""
     slope = np.tan(np.deg2rad(limit_threshold(threshold_deg)))
     return np.asarray(np.diff(plan.cut, prepend=0.0) / slope)
 
@@ -35,7 +35,7 @@ def grow_by_step(below: Areas, step: Float) -> Areas:
 
 
 def find_strips(air: Areas, steep: Areas, step: Float) -> Areas:
-    """Return the areas that hang: strips outside the section below, where they are wider than a step.
+    """Return overhangs: strips outside the section below, where they are wider than a step.
 
     Args:
         air: part of each section outside the section below.

@@ -21,12 +21,12 @@ _CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
 def smooth_branches(forest: BranchNodes, fields: ReachFields, settings: TreeSettings) -> BranchNodes:
     """Move nodes towards the middle between their neighbours, where nothing is in the way.
 
-    Every second floor is moved at once, while its neighbours stand still, so each check holds for the result: a moved
-    node is clear of the part in all four cells around it, in the storeys above and below, and no piece is too steep.
+    Every second level is moved at once, while its neighbours stand still, so each check holds for the result: a moved
+    node is clear of the part in all four cells around it, in the slabs above and below, and no piece is too steep.
     """
     place = np.array(forest.place)
     for turn in range(2 * _ROUNDS):
-        own = np.flatnonzero(forest.movable & (forest.floor % 2 == turn % 2))
+        own = np.flatnonzero(forest.movable & (forest.level % 2 == turn % 2))
         wanted = _average_neighbours(place, forest, own)
         fits = _is_clear(wanted, forest, own, fields) & _is_within_bed(wanted, forest, own, fields)
         moved = place.copy()
@@ -53,20 +53,20 @@ def _average_neighbours(place: Float, forest: BranchNodes, own: Int) -> Float:
 
 def _is_clear(wanted: Float, forest: BranchNodes, own: Int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of places that keep the distance of a branch in all cells around them."""
-    grid, floor = fields.grid, forest.floor[own]
+    grid, level = fields.grid, forest.level[own]
     low = np.floor((wanted - (grid.x, grid.y)) / grid.cell - 0.5).astype(np.int64)[:, None, ::-1] + _CORNERS
     row, column = low[..., 0], low[..., 1]
     inside = (row >= 0) & (row < grid.n_rows) & (column >= 0) & (column < grid.n_columns)
     cell = np.where(inside, row * grid.n_columns + column, 0)
-    clear = fields.clear.reshape(fields.n_floors, -1)
-    room = np.minimum(clear[floor[:, None], cell], clear[np.maximum(floor - 1, 0)[:, None], cell])
+    clear = fields.clear.reshape(fields.n_levels, -1)
+    room = np.minimum(clear[level[:, None], cell], clear[np.maximum(level - 1, 0)[:, None], cell])
     return np.asarray((inside & (room >= forest.radius[own, None] - _ROUNDING)).all(axis=1))
 
 
 def _is_within_bed(wanted: Float, forest: BranchNodes, own: Int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of places that are not nodes on the bed, or lie inside its edges by their radius."""
     on_bed = fields.to_bed.radius[0].ravel()[fields.grid.find_cells(wanted)]
-    return np.asarray((forest.floor[own] > 0) | (on_bed >= forest.radius[own]))
+    return np.asarray((forest.level[own] > 0) | (on_bed >= forest.radius[own]))
 
 
 def _mark_ends_of_steep_pieces(place: Float, forest: BranchNodes, settings: TreeSettings) -> Bool:

@@ -1,4 +1,4 @@
-"""Check that all beads of supports stand on something, as they are printed; carry or take out what does not."""
+"""Check that each bead of supports lies on something; put columns under the others or remove them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from printer_slicer.values import Struct, replace
 
 __all__ = ["StableSupports", "check_stability"]
 
-_ROUNDS: Final = 2  # of columns under hanging beads
+_ROUNDS: Final = 2  # of columns under unsupported beads
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
 
@@ -88,7 +88,7 @@ def check_stability(
 
 
 def _find_hanging(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
-    """Return samples of the beads in the layers of a mask (S,) and in those below them, and which (n,) hang.
+    """Return samples of the beads in the layers of a mask (S,) and in those below them, and which (n,) are unsupported.
 
     In all other layers, all beads stand.
     """
@@ -128,7 +128,7 @@ def _carry(
     rules: SpanRules,
     suspect: Bool,
 ) -> tuple[Supports, Toolpaths, Bool]:
-    """Put columns under hanging beads that are needed; return all areas and beads.
+    """Put columns under unsupported beads that are needed; return all areas and beads.
 
     Beads hang only in layers of a mask (S,). The last result is that mask, with the layers of the new beads.
     """

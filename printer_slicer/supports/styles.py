@@ -67,7 +67,7 @@ def make_supports(
     profile: Profile,
     measure_times: GroupTimes,
 ) -> PrintedSupports:
-    """Return supports for what hangs, and their paths.
+    """Return supports for overhangs, and their paths.
 
     Args:
         overhangs: what hangs; at least one patch.
@@ -89,7 +89,7 @@ def _keep_what_stands(
     sections: Sections,
     profile: Profile,
 ) -> PrintedSupports:
-    """Return all supports that were made, without what does not stand, and with the places that are bare."""
+    """Return all supports without their unsupported beads, and with the unsupported places of overhangs."""
     supports = Supports.joined(plan, [one.supports for one in made])
     paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
     standing = check_stability(supports, paths, overhangs, sections, profile)
@@ -174,11 +174,11 @@ def _make_both(
 
 
 class _Prices(Struct, frozen=True, eq=False):
-    """Computes the cost of supports: the print time, and the price of their plastic, min.
+    """Computes the cost of supports: the print time, and the price of their filament, min.
 
     Attributes:
         groups: of patches.
-        profile: price of plastic.
+        profile: price of filament.
         measure_times: print time of paths.
     """
 

@@ -122,7 +122,7 @@ def _make_plan(layers: LayerPlan, carrier: Int, overhangs: Overhangs, profile: P
 
 
 def list_places_without_room(overhangs: Overhangs, plan: SupportPlan) -> tuple[UnsupportedPlace, ...]:
-    """List the pieces that hang so low that no support layer fits below them."""
+    """List the overhangs so low that no support layer fits below them."""
     hanging = overhangs.area.of_layers(plan.carrier < 0)
     pieces, islands = split_connected(hanging), overhangs.islands.used
     area, (low, high) = pieces.areas.area(), pieces.areas.boxes()

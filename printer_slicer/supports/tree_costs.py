@@ -23,7 +23,7 @@ _LEAST_LOOPS: Final = 0.5  # in each layer of a group; less area is a rest of a 
 def estimate_least_tree_costs(
     columns: Supports, paths: Toolpaths, groups: PatchGroups, profile: Profile
 ) -> Float:
-    """Return a cost (G,) that trees for each group hardly remain below: print time and price of plastic, min.
+    """Return a cost (G,) that trees for each group hardly remain below: print time and price of filament, min.
 
     Trees have the same interfaces as columns. Branches start below them, one for each rectangle between joists and
     tips. They approach each other at a limited angle, so the higher a layer, the more of them it has at least.

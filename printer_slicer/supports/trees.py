@@ -124,7 +124,7 @@ def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
 
 
 def _find_hollow(base: Areas, settings: TreeSettings) -> tuple[Areas, Areas]:
-    """Return where branches are printed as loops, and where they are closed layers because a loop above hangs.
+    """Return where branches are printed as loops, and where closed layers, because a loop above would be unsupported.
 
     In the lowest layer, there are loops in the middle of each foot, below those of the next layer.
     """
@@ -164,7 +164,7 @@ def _find_contacts(area: Areas, carrier: Int, blocked: Areas, settings: TreeSett
 def _plan_roofs(
     strips: Areas, plan: SupportPlan, blocked: Areas, room: _Room
 ) -> tuple[Roofs, Tips, FirstSegments]:
-    """Return the roofs that branches can carry, their tips, and the first pieces of the branches."""
+    """Return the roofs that branches can carry, their tips, and the first segments of the branches."""
     fields, sections, settings = room
     wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
     # Joists lie some layers lower, where the part may be in the way.
@@ -189,7 +189,7 @@ def _plan_tips(
     Where no branch reaches a tip, others are tried beside it.
 
     Returns:
-        All tips, the first pieces of the branches, and the places that stay without a tip.
+        All tips, the first segments of the branches, and the places that stay without a tip.
     """
     (strips, islands), (tips, starts) = rest, given
     fields, sections, settings = room
@@ -220,7 +220,7 @@ def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> 
 
 
 def _measure_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:
-    """Return the area (B,) of the strips around each bare place that have no tip near them, mm²."""
+    """Return the area (B,) of the strips around each unsupported place that have no tip near them, mm²."""
     used = np.flatnonzero(strips.used & (plan.carrier >= 0))
     z = plan.layers.top[plan.carrier[used]]
     reach = float(max(bare.reach.max(), tips.reach.max(initial=0.0)))

@@ -1,4 +1,4 @@
-"""Find which stretches of the beads of supports hang over nothing, and take them out."""
+"""Find which stretches of the beads of supports are unsupported, and remove them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
 
 class SpanRules(Struct, frozen=True, eq=False):
-    """How far beads may hang over nothing.
+    """How far beads may be unsupported.
 
     Attributes:
         part: what of the part carries beads.
@@ -67,7 +67,7 @@ class SpanRules(Struct, frozen=True, eq=False):
         return replace(self, end=self.end / _ENDS, turn_span=self.span, rest=0.0)
 
     def find_hanging(self, samples: BeadSamples, paths: Toolpaths, some: slice, carried: Bool) -> Bool:
-        """Return which (k,) of some samples belong to stretches that hang too far.
+        """Return which (k,) of some samples belong to stretches that are unsupported too far.
 
         Args:
             samples: of the beads.
@@ -123,7 +123,7 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
 
 
 def find_unsupported_beads(samples: BeadSamples, paths: Toolpaths, rules: SpanRules) -> Bool:
-    """Return which samples (n,) hang too far if all beads below are there.
+    """Return which samples (n,) are unsupported too far if all beads below are there.
 
     If none hangs, all beads stand, because those of the lowest layer do.
     """
@@ -134,7 +134,7 @@ def find_unsupported_beads(samples: BeadSamples, paths: Toolpaths, rules: SpanRu
 def find_carried_beads(
     samples: BeadSamples, paths: Toolpaths, rules: SpanRules, suspect: Bool | None = None
 ) -> Bool:
-    """Return which samples (n,) lie on beads below, on the bed, or, if they would hang otherwise, on the part.
+    """Return which samples (n,) lie on beads below, on the bed, or, if nothing else is below, on the part.
 
     With a mask (S,), those in other layers count as carried.
     """

@@ -1,4 +1,4 @@
-"""Reject parts of which a piece begins in the air."""
+"""Reject parts with an island that gets no support."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compare what hangs with the beads of supports, and list the places that stay bare."""
+"""Compare overhangs with the beads of supports, and list the unsupported places."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ NO_WAY: Final = "no support reaches this place without touching the part"
 
 
 class UnsupportedReasons(Struct, frozen=True, eq=False):
-    """What is known of places without support.
+    """The reasons why places get no support.
 
     Attributes:
         places: places for which the style found no support.
@@ -83,7 +83,7 @@ class _Beads(Struct, frozen=True, eq=False):
 
     @classmethod
     def of(cls, paths: Toolpaths, overhangs: Overhangs, profile: Profile) -> _Beads:
-        """Find the beads; their tops may be lower than what hangs by the gap, its slack and two layers."""
+        """Find the beads; their tops may be lower than the overhangs by the gap, its slack and two layers."""
         quality, layers = profile.quality, paths.plan
         reach = quality.support_gap + quality.support_gap_slack + _DEEPER
         bottom = overhangs.plan.bottom
@@ -120,7 +120,7 @@ class _Beads(Struct, frozen=True, eq=False):
 
 
 class UnsupportedPoints(Struct, frozen=True, eq=False):
-    """Points of what hangs without a bead near them.
+    """Points of overhangs without a bead near them.
 
     Attributes:
         xy: (n, 2) mm.
@@ -142,7 +142,7 @@ class UnsupportedPoints(Struct, frozen=True, eq=False):
 def list_unsupported_places(
     overhangs: Overhangs, paths: Toolpaths, sections: Sections, profile: Profile, reasons: UnsupportedReasons
 ) -> tuple[UnsupportedPlace, ...]:
-    """List what hangs and has no bead of supports within 1.5 mm sideways right below it, islands first.
+    """List the overhangs that have no bead of supports within 1.5 mm sideways right below it, islands first.
 
     Places that reach no farther from the part below or from a support than an extrusion is wide are left out.
 
@@ -181,7 +181,7 @@ def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:
 
 
 def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
-    """Return what hangs without what the bed itself carries, because it is as near to it as to a support."""
+    """Return the overhangs without those that are as near to the bed as to a support."""
     quality = profile.quality
     layers = overhangs.plan.bottom <= quality.support_gap + quality.support_gap_slack + _ROUNDING
     if not layers[overhangs.area.ring_layer].any():
@@ -196,7 +196,7 @@ def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
 
 
 def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
-    """Return the bare points; coarse points on a raster tell first which patches have any."""
+    """Return the unsupported points; coarse points on a raster tell first which patches have any."""
     hanging = overhangs.area
     points, layer, _ = _sample_areas(hanging, _CELL)
     found = np.flatnonzero(_find_suspects(beads, points, layer))

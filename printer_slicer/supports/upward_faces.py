@@ -18,7 +18,7 @@ _NARROWEST: Final = 2.0  # mm; the steps of slopes are narrower
 
 
 def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
-    """Return the heights (n,), mm, of horizontal faces that face up and lie below what hangs, seen from above.
+    """Return the heights (n,), mm, of horizontal faces that face up and lie below overhangs, seen from above.
 
     Args:
         overhangs: what hangs.
