@@ -73,7 +73,7 @@ def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
     warnings = []
     if volumes.enforce is not None:
         warnings += _list_idle_warnings(
-            found.idle_enforcers, "nothing hangs within the support enforcer", stages
+            found.idle_enforcers, "no overhang lies within the support enforcer", stages
         )
     if volumes.block is not None and not len(volumes.blocked_facets):
         reason = "nothing would get supports within the support blocker"
@@ -84,7 +84,7 @@ def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
         enforced = cut_volumes(volumes, found.plan).enforce
         if not intersection(enforced, found.area).n_rings:
             warnings.append(
-                "nothing hangs at the facets that are painted for supports, so they have no effect"
+                "no overhang lies at the facets that are painted for supports, so they have no effect"
             )
     return warnings
 

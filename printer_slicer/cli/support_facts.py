@@ -153,11 +153,11 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
         )
     if len(facts["bare"]) > _MOST_PLACES:
         islands = f", {format_count(facts['bare_islands'], 'island')}" if facts["bare_islands"] else ""
-        lines.append(f"Unsupported in all: {format_significant(facts['bare_mm2'])} mm²{islands}")
+        lines.append(f"Unsupported in total: {format_significant(facts['bare_mm2'])} mm²{islands}")
     if facts["grips"]:
         first, count = facts["grips"][0], format_count(len(facts["grips"]), "ring")
         where = f"at z {first['z_min']:.1f} to {first['z_max']:.1f}, x, y {first['x']:.1f}, {first['y']:.1f}"
-        lines.append(f"Hard to take off: {count} of supports around the part, the lowest {where}")
+        lines.append(f"Hard to remove: {count} of supports around the part, the lowest {where}")
     if facts["slim"]:
         first, count = facts["slim"][0], format_count(len(facts["slim"]), "support")
         size = f"{first['height_mm']:.1f} mm high on {format_significant(first['foot_mm2'])} mm²"

@@ -27,7 +27,7 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
         bridged: areas that hang, but whose bridge lines are held at both ends.
         is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
         blocked: islands that get no support because a support blocker covers them.
-        idle_enforcers: connected support enforcers within which nothing hangs, so that they have no effect.
+        idle_enforcers: connected support enforcers without an overhang, so that they have no effect.
         idle_blockers: connected support blockers within which nothing would get a support.
     """
 

@@ -74,7 +74,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support: Annotated[
         Literal["off", "auto", "columns", "tree"],
         make_meta(
-            "supports under overhangs: off: none; auto: columns or trees, whichever cost less; columns: straight "
+            "supports under overhangs: off: none; auto: columns or trees, whichever costs less; columns: straight "
             "down; tree: branches that merge",
             own=ANYWHERE,
         ),
@@ -90,8 +90,8 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_threshold_deg: Annotated[
         float,
         make_meta(
-            "surfaces that are flatter than this angle from the horizontal are overhangs; angles under 5 degrees "
-            "act as 5, because ledges between two layers would pass for slopes",
+            "surfaces that are flatter than this angle from the horizontal are overhangs; values under 5 degrees "
+            "act as 5, because the step between two layers looks like a slope at smaller angles",
             "degrees",
             ge=0,
             le=89,
@@ -121,8 +121,8 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_min_reach: Annotated[
         float,
         make_meta(
-            "overhangs into which no circle of this radius fits, seen from above, get no supports, unless they extend "
-            "four times as far beyond the part below",
+            "narrow overhangs, into which no circle of this radius fits, seen from above, get no supports, unless they "
+            "extend beyond the part below by four times this radius",
             "mm",
             ge=0,
             le=10,
@@ -136,13 +136,17 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_bottom_gap: Annotated[
         float,
         make_meta(
-            "vertical gap between the part and supports that stand on it", "mm", ge=0, le=1, own=ANYWHERE
+            "vertical gap between supports and the part below, on which they stand",
+            "mm",
+            ge=0,
+            le=1,
+            own=ANYWHERE,
         ),
     ] = 0.2
     support_gap_slack: Annotated[
         float,
         make_meta(
-            "amount by which the gap below slopes may exceed support_gap, so that supports have fewer layers",
+            "amount by which the gap below slopes may exceed support_gap; a larger value gives fewer support layers",
             "mm",
             ge=0,
             le=0.3,
@@ -180,7 +184,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_closing: Annotated[
         float,
         make_meta(
-            "gaps in supports that are narrower than twice this are closed",
+            "distance for closing gaps between supports: gaps narrower than twice this are filled",
             "mm",
             ge=0,
             le=10,
@@ -188,15 +192,15 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
         ),
     ] = 1
     support_on_bed_only: Annotated[
-        bool, make_meta("supports stand only on the bed, never on the part", own=ANYWHERE)
+        bool, make_meta("make only supports that stand on the bed, none on the part", own=ANYWHERE)
     ] = False
     support_foot: Annotated[
-        float, make_meta("width that supports gain at the bed", "mm", ge=0, le=20, own=ANYWHERE)
+        float, make_meta("width added around supports at the bed", "mm", ge=0, le=20, own=ANYWHERE)
     ] = 3
     support_joist: Annotated[
         float,
         make_meta(
-            "distance between the lines that carry the interface of trees",
+            "distance between joists: the single lines on the tips of trees, which carry the interface",
             "mm",
             ge=0.5,
             le=10,
@@ -206,7 +210,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_tip_distance: Annotated[
         float,
         make_meta(
-            "maximum distance between the tips of trees along such a line",
+            "maximum distance between the tips of trees along a joist",
             "mm",
             ge=0.5,
             le=50,
@@ -248,7 +252,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_scar_price: Annotated[
         float,
         make_meta(
-            "additional length of a branch worth adding to avoid a branch that stands on the part",
+            "maximum extra length of a branch that leads to the bed instead of ending on the part",
             "mm",
             ge=0,
             le=1000,

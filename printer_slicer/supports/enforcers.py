@@ -20,7 +20,7 @@ _SLIVER: Final = (
     0.02  # mm; narrower strips than twice this are rounding, or surfaces that are nearly vertical
 )
 _BLOCKED: Final = "a support blocker covers it"
-_IDLE: Final = "nothing hangs within this support enforcer"
+_IDLE: Final = "no overhang lies within this support enforcer"
 _IDLE_BLOCKER: Final = "no supports are needed within this support blocker"
 _NOT_ENFORCED: Final = "supports are made only in enforced places"
 

@@ -35,7 +35,7 @@ def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Ov
     air = difference(solid.of_layers(steep.used), below)
     if not air.n_rings:
         return Overhangs(plan, air, np.zeros(0, np.int64), air, air, np.zeros(plan.n_layers, np.bool_))
-    from printer_slicer.supports.bridged_areas import find_bridged_areas  # noqa: PLC0415 - in many parts nothing hangs
+    from printer_slicer.supports.bridged_areas import find_bridged_areas  # noqa: PLC0415 - many parts have no overhangs
     from printer_slicer.supports.islands import find_islands  # noqa: PLC0415
     from printer_slicer.supports.patches import drop_small_groups, find_far_pieces, join_patches  # noqa: PLC0415
 

@@ -23,7 +23,7 @@ from printer_slicer.model import Sections
 from printer_slicer.supports.tree_settings import TreeSettings
 from printer_slicer.values import Struct
 
-__all__ = ["CellMoves", "ReachFields", "Routes", "build_fields", "find_routes"]
+__all__ = ["BranchRoutes", "CellMoves", "ReachFields", "build_fields", "find_branch_routes"]
 
 CELL = 0.5  # mm
 SLAB_RATIO = 3.0  # height of a slab, in cells
@@ -63,7 +63,7 @@ class CellMoves(Struct, frozen=True, eq=False):
         return cls(step[order], by, np.hypot(by, slab))
 
 
-class Routes(Struct, frozen=True, eq=False):
+class BranchRoutes(Struct, frozen=True, eq=False):
     """Where branches get from each level, all (F, n_rows, n_columns), mm.
 
     Attributes:
@@ -101,8 +101,8 @@ class ReachFields(Struct, frozen=True, eq=False):
     end_radius: Float32
     end_price: Float32
     surface: Float32
-    to_bed: Routes
-    to_any: Routes
+    to_bed: BranchRoutes
+    to_any: BranchRoutes
 
     @property
     def n_levels(self) -> int:
@@ -141,9 +141,9 @@ def build_fields(
         end_price[horizontal < settings.tip_radius] *= _STEEP_PRICE
     moves = CellMoves.within(settings.slope * slab, slab, grid.cell)
     on_bed = _measure_bed(grid, bed, settings.largest_radius)
-    to_bed = find_routes(clear, (np.full_like(end_radius, -1.0), end_price), on_bed, moves, settings)
+    to_bed = find_branch_routes(clear, (np.full_like(end_radius, -1.0), end_price), on_bed, moves, settings)
     to_any = (
-        find_routes(clear, (end_radius, end_price), on_bed, moves, settings)
+        find_branch_routes(clear, (end_radius, end_price), on_bed, moves, settings)
         if (end_radius > 0).any()
         else to_bed
     )
@@ -237,13 +237,13 @@ def _measure_bed(grid: CellGrid, bed: tuple[Float, Float], most: float) -> Float
     return np.asarray(np.minimum(inside, most), np.float32)
 
 
-def find_routes(
+def find_branch_routes(
     clear: Float32,
     ends: tuple[Float32, Float32],
     on_bed: Float32,
     moves: CellMoves,
     settings: TreeSettings,
-) -> Routes:
+) -> BranchRoutes:
     """Compute from the bed upwards how thick a branch gets to its end from each cell, and the cheapest length.
 
     Args:
@@ -266,4 +266,4 @@ def find_routes(
         open_below = np.where(free[below] >= thin, price[below], np.inf).astype(np.float32)
         onward = np.where(way >= thin, cheapest_within(open_below, moves.step, moves.length), np.inf)
         price[level] = np.where(end_radius[level] >= thin, np.minimum(onward, end_price[level]), onward)
-    return Routes(radius, free, price)
+    return BranchRoutes(radius, free, price)

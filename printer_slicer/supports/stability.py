@@ -34,7 +34,7 @@ class StableSupports(Struct, frozen=True, eq=False):
     Attributes:
         supports: areas by support layer.
         paths: the beads.
-        removed: (n, 3) places of beads that were taken out because they had nothing to stand on, mm.
+        removed: (n, 3) places of beads that were removed because nothing was below them, mm.
     """
 
     supports: Supports

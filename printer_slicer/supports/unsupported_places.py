@@ -38,7 +38,7 @@ _MOST_POINTS: Final = 300  # of a place, whose distances are measured
 _NEAR: Final = 3.0  # mm from a place to one for which a reason is known
 _FARTHEST: Final = 50.0  # mm; larger distances are not told apart
 _ROUNDING: Final = 1e-6  # mm
-_NOTHING_BELOW: Final = "its support had nothing to stand on"
+_NOTHING_BELOW: Final = "nothing below carries its support"
 NO_WAY: Final = "no support reaches this place without touching the part"
 
 

@@ -200,7 +200,7 @@ def test_painted_facets_without_supports_are_reported(folder: Path) -> None:
     words = ("slice", path, "-o", folder / "x.gcode", *QUICK)
 
     columns = typed(*words, "--supports", "columns").err
-    assert "nothing hangs at the facets that are painted for supports" in " ".join(columns.split())
+    assert "no overhang lies at the facets that are painted for supports" in " ".join(columns.split())
     assert "enforcer" not in columns
     assert "facets painted for supports, but supports are off" in " ".join(typed(*words).err.split())
     for name in ("support", "quality.support"):

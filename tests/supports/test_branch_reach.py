@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry.raster import Float32, clearance
-from printer_slicer.supports.reach_fields import CellMoves, find_routes
+from printer_slicer.supports.reach_fields import CellMoves, find_branch_routes
 from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settings
 from tests.effort import examples
 from tests.parts import plain
@@ -34,7 +34,7 @@ def random_fields(seed: int) -> tuple[Bool, Float32, Float32, Float32]:
 
 
 def reachable(clear: Float32, on_part: Float32, on_bed: Float32, moves: CellMoves, radius: float) -> Bool:
-    """From which cells on which levels a disc of this radius gets to the bed or to a on_part."""
+    """From which cells on which levels a disc of this radius gets to the bed or to the part."""
     result = np.zeros(clear.shape, np.bool_)
     result[0] = on_bed >= radius
     for level in range(1, len(clear)):
@@ -56,7 +56,7 @@ def test_one_field_tells_for_every_radius_what_a_search_finds(seed: int, radius:
     _, clear, on_part, on_bed = random_fields(seed)
     moves = CellMoves.within(slope * SLAB, SLAB, CELL)
 
-    ways = find_routes(clear, (on_part, np.full_like(clear, 20.0)), on_bed, moves, SETTINGS)
+    ways = find_branch_routes(clear, (on_part, np.full_like(clear, 20.0)), on_bed, moves, SETTINGS)
 
     assert (reachable(clear, on_part, on_bed, moves, radius) == (ways.radius >= radius)).all()
     # Only where a thin branch gets through is there a price, at least that of going straight down.
@@ -71,7 +71,7 @@ def test_over_an_empty_bed_the_way_is_straight_down() -> None:
     clear = np.full((SIDE, SIDE, SIDE), 2.0, np.float32)
     moves = CellMoves.within(SLAB, SLAB, CELL)
 
-    ways = find_routes(
+    ways = find_branch_routes(
         clear,
         (np.full_like(clear, -1), np.full_like(clear, 20.0)),
         np.full((SIDE, SIDE), 2.0, np.float32),

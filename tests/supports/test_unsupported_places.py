@@ -112,7 +112,7 @@ def test_where_beads_were_taken_out_the_reason_is_that() -> None:
     bare = list_unsupported_places(overhangs, none, sections, profile, UnsupportedReasons((), bead))
 
     assert {place.reason for place in bare} == {
-        "its support had nothing to stand on",
+        "nothing below carries its support",
         "no support reaches this place without touching the part",
     }
 
@@ -137,10 +137,8 @@ def test_the_reason_for_large_places_needs_no_table_of_all_pairs() -> None:
     points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     removed = np.column_stack([points, np.full(len(points), 10.0)])
 
-    assert UnsupportedReasons((), removed).choose(points, 10.2) == "its support had nothing to stand on"
-    assert (
-        UnsupportedReasons((), removed).choose(points + 60.0, 10.2) != "its support had nothing to stand on"
-    )
+    assert UnsupportedReasons((), removed).choose(points, 10.2) == "nothing below carries its support"
+    assert UnsupportedReasons((), removed).choose(points + 60.0, 10.2) != "nothing below carries its support"
 
 
 @pytest.mark.parametrize("degrees", [34, 37, 39])
