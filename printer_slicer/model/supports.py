@@ -80,7 +80,7 @@ class Supports(SvgRepr, Struct, frozen=True, eq=False):
         base: filled with wide lines, or hollow where `hollow` covers it.
         interface: closed layers under overhangs.
         floor: closed layers on the part.
-        joists: (lines as areas) single lines that carry the roof between the tips of trees.
+        joists: (lines as areas) single lines between the tips of trees, which carry the interface.
         hollow: the part of `base` that is printed as loops only: branches of trees.
         branches: (B, 8) z, x, y and radius of the lower end, then of the upper end of each piece of a branch, mm.
         unsupported: places without support.

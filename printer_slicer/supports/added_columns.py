@@ -131,9 +131,9 @@ def add_columns(
         free = difference(difference(column, blocked.copy_layers(at)), _draw_beads(own))
         column = offset_open(free, _THINNEST * float(width[layer] or width.max()))
         areas.append(column.on_layers(at, n_layers))
-        walls = _lay_walls(column, float(width[layer] or width.max()), paths, layer)
+        walls = _make_walls(column, float(width[layer] or width.max()), paths, layer)
         loops.append(walls)
-        column = _find_floating(column, walls, paths, rules, layer)
+        column = _find_unsupported_columns(column, walls, paths, rules, layer)
     made = Toolpaths.joined(layers, [*loops, paths.take(np.zeros(0, np.int64))])
     return AddedColumns(Areas.concatenate(areas[::-1], n_layers), made)
 
@@ -170,7 +170,7 @@ def _draw_beads(paths: Toolpaths) -> Areas:
     return stroke_lines(points, 2 * np.arange(len(begin) + 1), zero, paths.width[begin] / 2, 1)
 
 
-def _lay_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Toolpaths:
+def _make_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Toolpaths:
     """Return the loops around the columns of one layer."""
     loops = offset(column, -width / 2)
     return Toolpaths.gathered(
@@ -184,7 +184,9 @@ def _lay_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Too
     )
 
 
-def _find_floating(column: Areas, walls: Toolpaths, paths: Toolpaths, rules: SpanRules, layer: int) -> Areas:
+def _find_unsupported_columns(
+    column: Areas, walls: Toolpaths, paths: Toolpaths, rules: SpanRules, layer: int
+) -> Areas:
     """Return the columns of a layer whose walls hang over the beads below."""
     if not layer or not walls.n_paths:
         return Areas.empty(1)

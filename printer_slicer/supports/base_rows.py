@@ -1,4 +1,4 @@
-"""Rows of the lines of bases: the same for all layers of a column, so that each line lies on another one."""
+"""Choose the rows of lines of columns: the same in all layers, so that each line lies on the one below."""
 
 from __future__ import annotations
 

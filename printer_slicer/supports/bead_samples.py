@@ -142,7 +142,7 @@ def find_repeated_layers(paths: Toolpaths) -> Bool:
 
 
 class PartBelow(Struct, frozen=True, eq=False):
-    """What of the part lies right below each support layer.
+    """The part right below each support layer.
 
     Attributes:
         sections: the part.
@@ -220,7 +220,7 @@ def find_gapless_layers(layers: LayerPlan) -> Bool:
 
 
 class BeadMap:
-    """Which cells the beads of one layer cover.
+    """Cells that the beads of one layer cover.
 
     Args:
         samples: of the beads of all layers.

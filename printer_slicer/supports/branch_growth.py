@@ -71,7 +71,7 @@ class _Nodes:
         """Begin with the tips (T, 3)."""
         n = len(tips)
         self._place, self._radius = [tips], [np.full(n, radius)]
-        self._floor, self._movable, self._on_part = (
+        self._level, self._movable, self._on_part = (
             [np.full(n, -1)],
             [np.zeros(n, np.bool_)],
             [np.zeros(n, np.bool_)],
@@ -84,7 +84,7 @@ class _Nodes:
         n = len(place)
         self._place.append(place)
         self._radius.append(radius)
-        self._floor.append(np.full(n, level))
+        self._level.append(np.full(n, level))
         self._movable.append(movable)
         self._on_part.append(np.full(n, on_part))
         self.count += n
@@ -116,7 +116,7 @@ class _Nodes:
         below, lower_radius = np.full(self.count, -1), np.zeros(self.count)
         for upper, lower, radius in zip(self._upper, self._lower, self._arrived, strict=True):
             below[upper], lower_radius[upper] = lower, radius
-        columns = (self._place, self._radius, self._floor, self._movable, self._on_part)
+        columns = (self._place, self._radius, self._level, self._movable, self._on_part)
         place, own, level, movable, on_part = (np.concatenate(column) for column in columns)
         return BranchNodes(place, own, below, lower_radius, level, movable, on_part)
 
@@ -124,7 +124,7 @@ class _Nodes:
 def grow_branches(
     tips: Float, starts: FirstSegments, fields: ReachFields, settings: TreeSettings
 ) -> BranchNodes:
-    """Lead the branches of all tips that can be reached down to the bed or to the part.
+    """Grow branches from all tips that have a way down to the bed or to the part.
 
     On each level, those that are close become one. Each branch then moves towards the nearest other one that it can
     meet, or else along the cheapest way, and only to places from which a branch of its radius reaches its end.
@@ -170,7 +170,7 @@ def _concatenate(live: LiveBranches, new: LiveBranches) -> LiveBranches:
     )
 
 
-def _pick(to_bed: Bool, level: int, cell: Int, fields: ReachFields, name: str) -> Float32:
+def _look_up(to_bed: Bool, level: int, cell: Int, fields: ReachFields, name: str) -> Float32:
     """Return the values of a field at cells (n, ...) of a level, for branches (n,) to the bed or to any end."""
     bed, part = (getattr(ways, name)[level].ravel() for ways in (fields.to_bed, fields.to_any))
     shape = (len(to_bed),) + (1,) * (cell.ndim - 1)
@@ -201,7 +201,7 @@ def _end_on_part(live: LiveBranches, level: int, nodes: _Nodes, fields: ReachFie
     if not level:
         return live
     room = fields.end_radius[level].ravel()[live.cell]
-    price = _pick(live.to_bed, level, live.cell, fields, "price")
+    price = _look_up(live.to_bed, level, live.cell, fields, "price")
     cheapest = np.abs(price - fields.end_price[level].ravel()[live.cell]) <= 1e-3
     ends = ~live.to_bed & (room >= live.radius - _ROUNDING) & (cheapest | ~_can_go_on(live, level, fields))
     here = live.take(ends)
@@ -218,7 +218,7 @@ def _end_on_part(live: LiveBranches, level: int, nodes: _Nodes, fields: ReachFie
 def _can_go_on(live: LiveBranches, level: int, fields: ReachFields) -> Bool:
     """Return a mask (n,) of branches that can go down one more level."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
-    free = np.where(inside, _pick(live.to_bed, level - 1, cell, fields, "free"), -np.inf)
+    free = np.where(inside, _look_up(live.to_bed, level - 1, cell, fields, "free"), -np.inf)
     room = np.minimum(free.max(axis=1), fields.clear[level - 1].ravel()[live.cell])
     return np.asarray(room >= live.radius - _ROUNDING)
 
@@ -226,9 +226,9 @@ def _can_go_on(live: LiveBranches, level: int, fields: ReachFields) -> Bool:
 def _go_down(live: LiveBranches, level: int, fields: ReachFields, settings: TreeSettings) -> LiveBranches:
     """Move all branches to the level below."""
     cell, inside = fields.grid.find_moved_cells(live.cell, fields.moves.step)
-    free = _pick(live.to_bed, level - 1, cell, fields, "free")
+    free = _look_up(live.to_bed, level - 1, cell, fields, "free")
     possible = inside & (free >= live.radius[:, None] - _ROUNDING)
-    price = _pick(live.to_bed, level - 1, cell, fields, "price") + fields.moves.length
+    price = _look_up(live.to_bed, level - 1, cell, fields, "price") + fields.moves.length
     goal = choose_goals(live, level, fields, settings) + live.drift
     away = norm(fields.grid.find_middles(cell) - goal[:, None])
     cost = np.where(possible, np.where(np.isnan(away), price, away), np.inf)

@@ -114,7 +114,7 @@ def match_nearest(one: Int, other: Int, gap: Float, n: int) -> Int:
 
 
 def _estimate_height(live: LiveBranches, level: int, fields: ReachFields, settings: TreeSettings) -> Float:
-    """Return about how much higher than its end (n,) each branch is, mm."""
+    """Estimate the height (n,) of each branch above its lower end, mm."""
     z = level * fields.slab
     left = fields.to_any.price[level].ravel()[live.cell].astype(np.float64) - settings.scar_price
     return np.where(live.to_bed, z, np.clip(left, 0.0, z))
@@ -213,7 +213,7 @@ def join_branches(
 
 
 def _room(live: LiveBranches, cell: Int, level: int, fields: ReachFields) -> Float:
-    """Return the radius (n,) of the thickest branch of the kind of each at a cell (n,), mm."""
+    """Return the radius (n,) of the thickest branch at a cell (n,) on its way to the same kind of end, mm."""
     bed, part = (ways.radius[level].ravel()[cell] for ways in (fields.to_bed, fields.to_any))
     return np.asarray(np.where(live.to_bed, bed, part), np.float64)
 

@@ -1,4 +1,4 @@
-"""Draw branches of trees as areas of all support layers."""
+"""Draw branches of trees as areas of support layers."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from printer_slicer.supports.blocked_areas import find_blocked_areas, find_gaps_
 from printer_slicer.supports.interfaces import divide_columns
 from printer_slicer.values import Struct
 
-__all__ = ["find_contacts", "lay_columns"]
+__all__ = ["find_contacts", "make_columns"]
 
 _CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
 _FLAT_GROWTH: Final = 0.1  # mm, the same below horizontal faces, beside which nothing is blocked
@@ -53,7 +53,7 @@ _OUTSIDE_BED: Final = "its support would lie outside the bed"
 _NOT_ON_BED: Final = "its support would stand on the part"
 
 
-def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
+def make_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
     """Support overhangs by columns.
 
     Args:
@@ -73,12 +73,12 @@ def lay_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pro
     growth = float(np.clip(xy_gap, *_CONTACT_GROWTHS))
     wanted = find_contacts(overhangs, plan, blocked, growth, quality.support_closing)
     contacts = _clip_to_bed(wanted, profile)
-    bare = _list_lost(wanted, contacts, layers, _OUTSIDE_BED)
+    bare = _list_unreached(wanted, contacts, layers, _OUTSIDE_BED)
     columns = _drop_columns(contacts, blocked, layers)
     if quality.support_on_bed_only:
         columns = _keep_above_bed(columns)
         standing = intersection(contacts, columns)
-        bare += _list_lost(contacts, standing, layers, _NOT_ON_BED)
+        bare += _list_unreached(contacts, standing, layers, _NOT_ON_BED)
         contacts = standing
     if quality.support_foot:
         columns = _add_foot(columns, blocked, profile)
@@ -126,7 +126,7 @@ def _find_ground(sections: Sections, layers: LayerPlan) -> Areas:
 
 
 def _clip_to_bed(areas: Areas, profile: Profile) -> Areas:
-    """Return the areas without what lies outside the bed."""
+    """Return the areas within the bed."""
     low, high = np.array(profile.printer.corners)
     if not areas.n_rings or ((areas.xy >= low).all() and (areas.xy <= high).all()):
         return areas
@@ -164,20 +164,22 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
         if used[layer]:
             area = union(column.area, contacts.copy_layers(at))
             column.area = simplify(close_gaps(area, _SMOOTHING), _RESOLUTION)
-        wider = column.area.n_rings > 0 and _widen(column, float(layers.bottom[layer]))
+        wider = column.area.n_rings > 0 and _widen_slim_columns(column, float(layers.bottom[layer]))
         if changed or wider or not found:
             area = difference(column.area, blocked.copy_layers(at))
             column.area = offset_open(area, _SLIVER)
             chosen.append(layer)
             found.append((column.area, column.outline))
             if float((area.area() - column.area.area()).sum()) > _LEAST_LOST:
-                column.area = union(column.area, intersection(area, _unite_recent(contacts, layer, layers)))
+                column.area = union(
+                    column.area, intersection(area, _unite_contacts_above(contacts, layer, layers))
+                )
         entry[layer] = len(found) - 1
     area, outline = (_stack(areas) for areas in zip(*found, strict=True))
     return _straighten(area, outline, blocked.copy_layers(np.array(chosen))).copy_layers(entry)
 
 
-def _unite_recent(contacts: Areas, layer: int, layers: LayerPlan) -> Areas:
+def _unite_contacts_above(contacts: Areas, layer: int, layers: LayerPlan) -> Areas:
     """Return the union of the contacts of a layer and of those shortly above it, as a stack of one layer.
 
     Each strip below a steep slope may be narrower than an extrusion, but several of them are a column.
@@ -212,7 +214,7 @@ def _straighten(columns: Areas, outline: Areas, blocked: Areas) -> Areas:
     return offset_open(difference(simplify(closed, _STRAIGHTENING), blocked), _SLIVER)
 
 
-def _widen(column: _Column, z: float) -> bool:
+def _widen_slim_columns(column: _Column, z: float) -> bool:
     """Make columns wider that are too slim for their height; return whether any became wider."""
     if column.z - z < _WIDENING_STEP:
         return False
@@ -236,7 +238,7 @@ def _add_foot(columns: Areas, blocked: Areas, profile: Profile) -> Areas:
 
 
 def _keep_above_bed(columns: Areas) -> Areas:
-    """Return the columns as far as they stand on the bed."""
+    """Return the parts of the columns that stand on the bed."""
     own, n_layers = columns.find_first_equal_layers(), columns.n_layers
     standing = columns.copy_layers(np.array([0]))
     result = [standing.on_layers(np.array([0]), n_layers)]
@@ -248,7 +250,9 @@ def _keep_above_bed(columns: Areas) -> Areas:
     return Areas.concatenate(result, n_layers)
 
 
-def _list_lost(wanted: Areas, left: Areas, layers: LayerPlan, reason: str) -> tuple[UnsupportedPlace, ...]:
+def _list_unreached(
+    wanted: Areas, left: Areas, layers: LayerPlan, reason: str
+) -> tuple[UnsupportedPlace, ...]:
     """List the contacts that get no support."""
     lost = split_connected(offset_open(difference(wanted, left), _SLIVER))
     area, (low, high) = lost.areas.area(), lost.areas.boxes()

@@ -1,7 +1,7 @@
-"""More rows in columns, below edges of overhangs that are far from all other rows.
+"""Add rows to columns, below edges of overhangs that are far from all other rows.
 
-The rows of a column are chosen by its widest outline. Where a part of it ends between two of them, the edge of the
-overhang there would have nothing near.
+The rows of a column are chosen by its widest outline. Where an edge of the overhang lies between two
+of them, both rows may be too far away to support it.
 """
 
 from __future__ import annotations

@@ -63,8 +63,8 @@ def apply_enforcers_and_blockers(
         bridged=difference(overhangs.bridged, enforced),
         is_flat=mark_flat_layers(area, patch),
         blocked=(*overhangs.blocked, *blocked),
-        idle_enforcers=_list_idle(volumes.enforce, enforced, quality, plan, _IDLE),
-        idle_blockers=_list_idle(volumes.block, supported, quality, plan, _IDLE_BLOCKER),
+        idle_enforcers=_list_unused(volumes.enforce, enforced, quality, plan, _IDLE),
+        idle_blockers=_list_unused(volumes.block, supported, quality, plan, _IDLE_BLOCKER),
     )
 
 
@@ -98,7 +98,7 @@ def _find_enforced(solid: Areas, enforce: Areas) -> Areas:
     return offset_open(hangs.of_layers(~on_bed), _SLIVER)
 
 
-def _list_idle(
+def _list_unused(
     volumes: Areas, hanging: Areas, quality: Quality, plan: LayerPlan, reason: str
 ) -> tuple[UnsupportedPlace, ...]:
     """List the connected volumes without any overhang, at the middle of their lowest section."""

@@ -28,7 +28,7 @@ _NEAREST_RATIO = 1.1  # of the gap beside the part; nearer to it, too little of 
 
 
 class FirstSegments(Struct, frozen=True, eq=False):
-    """Where the first segments of branches end.
+    """Lower ends of the first segments of branches.
 
     Attributes:
         level: (T,) level of the lower end; -1: no branch reaches the tip.
@@ -124,12 +124,12 @@ def _find_best_ends(
     place, cost = tips[:, None, :2] + way[own, order], cost[own, order]
     which, choice = np.nonzero(np.isfinite(cost))
     ends = np.column_stack([place[which, choice], level[which] * fields.slab])
-    cost[which, choice] += _price_first_segments(tips[which], ends, fields, sections, settings)
+    cost[which, choice] += _compute_segment_costs(tips[which], ends, fields, sections, settings)
     best = np.argmin(cost, axis=1)
     return place[own[:, 0], best], cost[own[:, 0], best]
 
 
-def _price_first_segments(
+def _compute_segment_costs(
     tips: Float, ends: Float, fields: ReachFields, sections: Sections, settings: TreeSettings
 ) -> Float:
     """Return the price (n,) of pieces from tips to ends (n, 3) for coming too near to the part; inf: they touch it."""

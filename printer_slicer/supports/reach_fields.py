@@ -64,7 +64,7 @@ class CellMoves(Struct, frozen=True, eq=False):
 
 
 class BranchRoutes(Struct, frozen=True, eq=False):
-    """Where branches get from each level, all (F, n_rows, n_columns), mm.
+    """How thick branches from each cell may be, and how long they get, all (F, n_rows, n_columns), mm.
 
     Attributes:
         radius: the thickest branch that reaches its end from each cell; below 0: none.

@@ -28,7 +28,7 @@ __all__ = [
     "find_shortest_lines",
     "find_wide_contacts",
     "keep_carried_roofs",
-    "lay_joists",
+    "place_joists",
 ]
 
 _NARROWEST_ROOF = 2.0  # mm
@@ -110,7 +110,7 @@ def find_wide_contacts(contacts: Areas, carrier: Int, n_layers: int) -> Areas:
     return normalize(wide.restacked(order, layer[order], n_layers))
 
 
-def lay_joists(roofs: Areas, settings: TreeSettings) -> Joists:
+def place_joists(roofs: Areas, settings: TreeSettings) -> Joists:
     """Place joists along the longer side of each piece of roof, and tips under them.
 
     The outermost joists lie at the edges of the piece. Each has a tip at both ends and more between them, so that no
@@ -211,11 +211,11 @@ def build_roofs(contacts: Areas, joists: Joists, blocked: Areas, settings: TreeS
     half = np.full(len(layer), settings.width / 2)
     joist = stroke_lines(ends.reshape(-1, 2), 2 * np.arange(len(layer) + 1), layer - n_closed, half, n)
     joist = difference(difference(joist, blocked), roof)
-    roof = _drop_hanging_roofs(roof, joist, n_closed)
+    roof = _drop_unsupported_roofs(roof, joist, n_closed)
     return Roofs(intersection(carried, roof) if n_closed else carried, roof, joist, joists, n_closed)
 
 
-def _drop_hanging_roofs(roof: Areas, joist: Areas, n_closed: int) -> Areas:
+def _drop_unsupported_roofs(roof: Areas, joist: Areas, n_closed: int) -> Areas:
     """Return the roofs without pieces that have next to nothing below, because the part is where their joists were."""
     for _ in range(n_closed):
         pieces = split_connected(roof)

@@ -56,10 +56,10 @@ def find_slim_columns(supports: Supports, spacing: float, width: Float) -> Areas
     # The first layer is wider because of the foot.
     low = np.maximum(np.searchsorted(layers.top, layers.top - _SLIM_HEIGHT), min(1, n_layers - 1))
     begins = intersection(narrow, narrow.copy_layers(low))
-    return _drop_hanging(_follow_down(begins, columns, first), supports.base, width)
+    return _drop_unsupported(_follow_down(begins, columns, first), supports.base, width)
 
 
-def _drop_hanging(slim: Areas, base: Areas, width: Float) -> Areas:
+def _drop_unsupported(slim: Areas, base: Areas, width: Float) -> Areas:
     """Return the slim columns, by layer, without pieces whose loops the lines of the base do not support."""
     pieces = split_connected(slim)
     loops = offset(pieces.areas, -width[pieces.layer] / 2)

@@ -19,7 +19,7 @@ _CORNERS = np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
 
 
 def smooth_branches(forest: BranchNodes, fields: ReachFields, settings: TreeSettings) -> BranchNodes:
-    """Move nodes towards the middle between their neighbours, where nothing is in the way.
+    """Move nodes towards the middle between their neighbours, where the part is far enough away.
 
     Every second level is moved at once, while its neighbours stand still, so each check holds for the result: a moved
     node is clear of the part in all four cells around it, in the slabs above and below, and no piece is too steep.

@@ -29,7 +29,7 @@ _AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
 
 
 class StableSupports(Struct, frozen=True, eq=False):
-    """Supports of which every bead stands.
+    """Supports whose beads all lie on something.
 
     Attributes:
         supports: areas by support layer.
@@ -45,7 +45,7 @@ class StableSupports(Struct, frozen=True, eq=False):
 def check_stability(
     supports: Supports, paths: Toolpaths, overhangs: Overhangs, sections: Sections, profile: Profile
 ) -> StableSupports:
-    """Return supports in which every bead stands on beads that stand, on the part or on the bed.
+    """Return supports in which each bead lies on the bed, on the part or on supported beads.
 
     A bead stands if about half of its width lies on something over most of its length. Lines may span the distance
     between two rows or joists. Beads that hang get columns of their own if something needs them. They are taken out if
@@ -64,12 +64,12 @@ def check_stability(
     rules = SpanRules.of(sections, paths.plan, profile.quality)
     samples = sample_beads(paths, ~find_repeated_layers(paths))
     carried, every = find_carried_beads(samples, paths, rules), slice(0, samples.count)
-    hanging = rules.find_hanging(samples, paths, every, carried)
+    hanging = rules.find_unsupported(samples, paths, every, carried)
     if not hanging.any():
         return StableSupports(supports, paths, cut)
     suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
     column_rules = rules.for_columns()
-    large = column_rules.find_hanging(samples, paths, every, carried)
+    large = column_rules.find_unsupported(samples, paths, every, carried)
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
         supports, paths, changed = _carry(
@@ -87,24 +87,24 @@ def check_stability(
     return StableSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
 
 
-def _find_hanging(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
+def _find_unsupported(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
     """Return samples of the beads in the layers of a mask (S,) and in those below them, and which (n,) are unsupported.
 
     In all other layers, all beads stand.
     """
     samples = sample_beads(paths, suspect | np.append(suspect[1:], False))
     carried = find_carried_beads(samples, paths, rules, suspect)
-    return samples, rules.find_hanging(samples, paths, slice(0, samples.count), carried)
+    return samples, rules.find_unsupported(samples, paths, slice(0, samples.count), carried)
 
 
 def _remove(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[Toolpaths, Float]:
-    """Return the beads that stand, and the places (n, 3) of those that were taken out, mm.
+    """Return the supported beads, and the places (n, 3) of those that were removed, mm.
 
     Only beads in the layers of a mask (S,) can hang.
     """
     removed = [np.zeros((0, 3))]
     while paths.n_paths:
-        samples, hanging = _find_hanging(paths, rules, suspect)
+        samples, hanging = _find_unsupported(paths, rules, suspect)
         if not hanging.any():
             break
         kept = remove_unsupported(samples, paths, hanging, rules)
@@ -136,7 +136,7 @@ def _carry(
     quality, layers = profile.quality, supports.plan.layers
     blocked = None
     for _ in range(_ROUNDS):
-        samples, hanging = _find_hanging(paths, rules, suspect)
+        samples, hanging = _find_unsupported(paths, rules, suspect)
         kept = remove_unsupported(samples, paths, hanging, rules)
         lost = np.zeros(layers.n_layers, np.bool_)
         lost[paths.layer[samples.path[~kept]]] = True
@@ -171,7 +171,7 @@ def _find_blocked(sections: Sections, layers: LayerPlan, quality: Quality) -> Ar
 
 
 def _drop_empty_areas(supports: Supports, paths: Toolpaths, removed: Float) -> Supports:
-    """Return supports without the connected areas of which all beads were taken out."""
+    """Return supports without connected areas whose beads were all removed."""
     if not len(removed):
         return supports
     layers = supports.plan.layers

@@ -19,7 +19,7 @@ from printer_slicer.model import (
     fill_layers,
 )
 from printer_slicer.profile import Profile
-from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.edge_rows import add_edge_rows
 from printer_slicer.supports.patch_groups import PatchGroups, group_patches
 from printer_slicer.supports.stability import check_stability
@@ -38,7 +38,7 @@ Style = Callable[[Overhangs, SupportPlan, Sections, Profile], Supports]
 GroupTimes = Callable[[Toolpaths, Int, int, Profile], Float]
 """Function that returns the print time of each group (G,), s, from paths (M,), their groups (M,), G and the profile."""
 
-STYLES: Final[dict[str, Style]] = {"columns": lay_columns, "tree": grow_trees}
+STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": grow_trees}
 """Function for each style; `auto` uses the cheaper one for each group of overhangs."""
 
 _LEAST_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
@@ -78,11 +78,11 @@ def make_supports(
     """
     style, case = profile.quality.support, (overhangs, plan, sections, profile)
     if style in STYLES:
-        return _keep_what_stands([_make(style, *case)], *case)
+        return _remove_unsupported([_make(style, *case)], *case)
     return _choose_styles(*case, measure_times)
 
 
-def _keep_what_stands(
+def _remove_unsupported(
     made: Sequence[PrintedSupports],
     overhangs: Overhangs,
     plan: SupportPlan,
@@ -152,13 +152,13 @@ def _choose_styles(
         if np.minimum(found, cost).sum() > (1 - _LEAST_GAIN) * lowest:
             break
         gets_tree &= found < cost
-    printed = _keep_what_stands(best, *case)
-    lost = price.of_bare(printed) > price.of_bare(*best)
+    printed = _remove_unsupported(best, *case)
+    lost = price.of_unsupported(printed) > price.of_unsupported(*best)
     if not lost.any():
         return printed
     gets_tree = has_tree ^ lost
     made = _make_both(gets_tree[groups.of_patch], *case) if gets_tree.any() else [columns]
-    other = _keep_what_stands(made, *case)
+    other = _remove_unsupported(made, *case)
     return min(printed, other, key=lambda one: float(price.of(one).sum()))
 
 
@@ -174,7 +174,7 @@ def _make_both(
 
 
 class _Prices(Struct, frozen=True, eq=False):
-    """Computes the cost of supports: the print time, and the price of their filament, min.
+    """The cost of supports: the print time, and the price of their filament, min.
 
     Attributes:
         groups: of patches.
@@ -193,17 +193,17 @@ class _Prices(Struct, frozen=True, eq=False):
         seconds = self.measure_times(paths, group, n, self.profile)
         grams = _measure_volumes(paths) * self.profile.material.density / 1000
         cost = seconds / 60 + self.profile.quality.support_gram_price * np.bincount(group, grams, n)
-        return np.asarray(cost + self.of_bare(made))
+        return np.asarray(cost + self.of_unsupported(made))
 
-    def of_bare(self, *made: PrintedSupports) -> Float:
+    def of_unsupported(self, *made: PrintedSupports) -> Float:
         """Return the part (G,) of the cost that is due to places without support, of all supports together."""
         bare = [place for one in made for place in one.supports.unsupported]
         at = self.groups.find(np.array([(place.x, place.y) for place in bare]).reshape(-1, 2))
-        prices = [_price_bare_place(place) for place in bare]
+        prices = [_price_unsupported_place(place) for place in bare]
         return np.asarray(np.bincount(at, prices, self.groups.count))
 
 
-def _price_bare_place(place: UnsupportedPlace) -> float:
+def _price_unsupported_place(place: UnsupportedPlace) -> float:
     """Return the cost of a place without support, min."""
     if place.is_island:
         return _ISLAND_MINUTES

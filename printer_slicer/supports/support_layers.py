@@ -1,7 +1,7 @@
-"""Plan the layers of supports: their tops lie where overhangs need them, and few layers fill what is between.
+"""Plan the layers of supports: their tops lie where overhangs need them, and few layers are between them.
 
-The layers are the shortest path through the heights at which a support layer may end: a lattice of z steps, and the
-height that each overhang wants. Overhangs in one plane get exactly the gap of the settings. Below slopes the gap may be
+The layers are the shortest path through the heights at which a support layer may end: multiples of a
+z step, and the height at which the support of each overhang should end. Overhangs in one plane get exactly the gap of the settings. Below slopes the gap may be
 larger by the slack, so that supports need fewer layers than the part.
 """
 
@@ -170,7 +170,7 @@ def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Pr
     # Some heights are not sums of layers, such as a little more than the highest layer; the next lower one is used.
     for n in range(len(nodes), 2, -1):
         graph = _list_arcs(nodes[:n], low, high)
-        arcs = cheapest_path(graph, _price_arcs(graph, nodes[:n], contacts, first, high))
+        arcs = cheapest_path(graph, _compute_arc_costs(graph, nodes[:n], contacts, first, high))
         if arcs is not None:
             return np.asarray(nodes[graph.end[arcs]])
     return np.array([first])
@@ -200,7 +200,9 @@ def _list_arcs(nodes: Float, low: float, high: float) -> ArcGraph:
     return ArcGraph(np.append(0, np.cumsum(count)), consecutive(begin, count))
 
 
-def _price_arcs(graph: ArcGraph, nodes: Float, contacts: _Contacts, first: float, high: float) -> Float:
+def _compute_arc_costs(
+    graph: ArcGraph, nodes: Float, contacts: _Contacts, first: float, high: float
+) -> Float:
     """Return the cost (A,) of layers, in layers: their number, their evenness, and gaps that are larger than wanted."""
     bottom, top = nodes[graph.start], nodes[graph.end]
     cost = 1.0 + _EVENNESS * ((top - bottom) / high) ** 2

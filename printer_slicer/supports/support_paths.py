@@ -83,16 +83,16 @@ def make_support_paths(supports: Supports, profile: Profile) -> Toolpaths:
     return Toolpaths.joined(
         layers,
         [
-            *_lay_base(supports, slim, widths, profile),
-            *_lay_branches(supports, widths),
-            _lay_joists(supports, widths),
-            _lay_closed(*_trim_interface(supports, slim, widths, profile), widths, layers, profile),
-            _lay_floors(supports.floor, widths, layers, profile),
+            *_make_base(supports, slim, widths, profile),
+            *_make_branches(supports, widths),
+            _make_joists(supports, widths),
+            _make_closed_layers(*_trim_interface(supports, slim, widths, profile), widths, layers, profile),
+            _make_floors(supports.floor, widths, layers, profile),
         ],
     )
 
 
-def _lay_base(supports: Supports, slim: Areas, widths: _Widths, profile: Profile) -> list[Toolpaths]:
+def _make_base(supports: Supports, slim: Areas, widths: _Widths, profile: Profile) -> list[Toolpaths]:
     """Return the loops and the lines of the base, without branches.
 
     The first layer has one loop at least. Above it there are loops around slim columns, which lines alone would not
@@ -201,7 +201,7 @@ def _join_lines(
     )
 
 
-def _lay_closed(
+def _make_closed_layers(
     area: Areas, ring_angle: Float, widths: _Widths, layers: LayerPlan, profile: Profile
 ) -> Toolpaths:
     """Return the lines of closed layers; they run in the direction of each ring, or across those of the base."""
@@ -216,7 +216,7 @@ def _lay_closed(
     return Toolpaths.joined(layers, laid)
 
 
-def _lay_floors(floor: Areas, widths: _Widths, layers: LayerPlan, profile: Profile) -> Toolpaths:
+def _make_floors(floor: Areas, widths: _Widths, layers: LayerPlan, profile: Profile) -> Toolpaths:
     """Return the lines of the layers on the part, across those of the base; the outermost lie near the edges."""
     pieces = split_connected(floor)
     usual = widths.line[pieces.layer] + _FLOOR_GAPS * profile.quality.support_interface_spacing
@@ -224,7 +224,7 @@ def _lay_floors(floor: Areas, widths: _Widths, layers: LayerPlan, profile: Profi
     return _join_lines(layers, lines, (floor, pieces.layer), widths, (spacing, Role.SUPPORT_INTERFACE))
 
 
-def _lay_branches(supports: Supports, widths: _Widths) -> list[Toolpaths]:
+def _make_branches(supports: Supports, widths: _Widths) -> list[Toolpaths]:
     """Return the loops of branches: one, and a second one in thick branches."""
     hollow, layers = supports.hollow, supports.plan.layers
     if not hollow.n_rings:
@@ -236,7 +236,7 @@ def _lay_branches(supports: Supports, widths: _Widths) -> list[Toolpaths]:
     ]
 
 
-def _lay_joists(supports: Supports, widths: _Widths) -> Toolpaths:
+def _make_joists(supports: Supports, widths: _Widths) -> Toolpaths:
     """Return joists as single lines along their pieces, or several where pieces are wider."""
     pieces, layers = split_connected(supports.joists), supports.plan.layers
     width = widths.line[pieces.layer]

@@ -1,4 +1,4 @@
-"""Estimate from below what trees cost, without growing them: where that is more than columns cost, none are grown."""
+"""Estimate a lower bound of the cost of trees; no trees are grown where columns cost less than this bound."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LEAST_LOOPS: Final = 0.5  # in each layer of a group; less area is a rest of a 
 def estimate_least_tree_costs(
     columns: Supports, paths: Toolpaths, groups: PatchGroups, profile: Profile
 ) -> Float:
-    """Return a cost (G,) that trees for each group hardly remain below: print time and price of filament, min.
+    """Return a lower estimate (G,) of the cost of trees for each group: print time and price of filament, min.
 
     Trees have the same interfaces as columns. Branches start below them, one for each rectangle between joists and
     tips. They approach each other at a limited angle, so the higher a layer, the more of them it has at least.

@@ -30,7 +30,7 @@ from printer_slicer.supports.roofs import (
     find_shortest_lines,
     find_wide_contacts,
     keep_carried_roofs,
-    lay_joists,
+    place_joists,
 )
 from printer_slicer.supports.smoothing import smooth_branches
 from printer_slicer.supports.tips import (
@@ -91,7 +91,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     forest = smooth_branches(grow_branches(tips.place, starts, fields, settings), fields, settings)
     base = draw_branches(forest.pieces, forest.piece_heights, layers, settings)
     others = roofs.roof.merge(roofs.joist)
-    base = _cut_off(base, blocked, others, settings.width)
+    base = _trim_branches(base, blocked, others, settings.width)
     hollow, closed = _find_hollow(base, settings)
     interface = roofs.roof.merge(closed)
     angle = np.append(roofs.find_line_angles(), find_shortest_lines(closed))
@@ -109,7 +109,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     )
 
 
-def _cut_off(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
+def _trim_branches(base: Areas, blocked: Areas, roofs: Areas, width: float) -> Areas:
     """Return branches without what is blocked, without roofs, and without rests too small for a loop.
 
     Notches between branches that touch are rounded, except near what is blocked.
@@ -169,7 +169,7 @@ def _plan_roofs(
     wide = find_wide_contacts(strips, plan.carrier, plan.layers.n_layers)
     # Joists lie some layers lower, where the part may be in the way.
     room_below = difference(wide, blocked.shift_layers(settings.interface_layers))
-    joists = lay_joists(offset_open(room_below, settings.width), settings)
+    joists = place_joists(offset_open(room_below, settings.width), settings)
     tips = list_joist_tips(joists, plan.layers.top, settings.interface_layers)
     starts = choose_first_segments(tips.place, fields, sections, settings)
     carried = np.ones(len(joists.of_tip), np.bool_)
@@ -202,10 +202,12 @@ def _plan_tips(
         if not new.count:
             break
     bare = choose_unreached_places(places, tips, starts.found)
-    return tips, starts, _describe_bare(bare, tips.take(starts.found), strips, plan)
+    return tips, starts, _describe_unreached(bare, tips.take(starts.found), strips, plan)
 
 
-def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> tuple[UnsupportedPlace, ...]:
+def _describe_unreached(
+    bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan
+) -> tuple[UnsupportedPlace, ...]:
     """Return the places that no branch reaches.
 
     Args:
@@ -214,12 +216,12 @@ def _describe_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> 
         strips: areas under overhangs by layer of the part.
         plan: of the supports.
     """
-    area = _measure_bare(bare, tips, strips, plan) if bare.count else np.zeros(0)
+    area = _measure_unreached(bare, tips, strips, plan) if bare.count else np.zeros(0)
     rows = zip(bare.place.tolist(), area.tolist(), bare.island.tolist(), strict=True)
     return tuple(UnsupportedPlace(x, y, z, size, NO_WAY, is_island) for (x, y, z), size, is_island in rows)
 
 
-def _measure_bare(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:
+def _measure_unreached(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:
     """Return the area (B,) of the strips around each unsupported place that have no tip near them, mm²."""
     used = np.flatnonzero(strips.used & (plan.carrier >= 0))
     z = plan.layers.top[plan.carrier[used]]

@@ -35,15 +35,15 @@ _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
 
 class SpanRules(Struct, frozen=True, eq=False):
-    """How far beads may be unsupported.
+    """Largest lengths of unsupported beads.
 
     Attributes:
-        part: what of the part carries beads.
+        part: the part below support layers.
         span: length of a straight stretch of a line whose both ends are carried, mm.
         turn_span: the same for a stretch that turns.
         loop_span: the same for a loop.
         end: length of a stretch at the end of a line, mm.
-        rest: length that remains of longer stretches beside what is carried, mm.
+        rest: length of a longer stretch that is kept beside its supported end, mm.
     """
 
     part: PartBelow
@@ -66,8 +66,8 @@ class SpanRules(Struct, frozen=True, eq=False):
         """Return the rules by which beads get columns; shorter ends and turns are only cut."""
         return replace(self, end=self.end / _ENDS, turn_span=self.span, rest=0.0)
 
-    def find_hanging(self, samples: BeadSamples, paths: Toolpaths, some: slice, carried: Bool) -> Bool:
-        """Return which (k,) of some samples belong to stretches that are unsupported too far.
+    def find_unsupported(self, samples: BeadSamples, paths: Toolpaths, some: slice, carried: Bool) -> Bool:
+        """Return which (k,) of some samples belong to unsupported stretches that are too long.
 
         Args:
             samples: of the beads.
@@ -97,7 +97,7 @@ class SpanRules(Struct, frozen=True, eq=False):
         change = np.zeros(len(path) + 1, np.int64)
         np.add.at(change, np.searchsorted(middle, low[longer]), 1)
         np.add.at(change, np.searchsorted(middle, np.maximum(high, low)[longer]), -1)
-        return np.asarray((np.cumsum(change[:-1]) > 0) | _mark_hardly_carried(paths, path, length, carried))
+        return np.asarray((np.cumsum(change[:-1]) > 0) | _mark_barely_carried(paths, path, length, carried))
 
 
 def _join_over_seams(size: Float, path: Int, at_begin: Bool, at_end: Bool) -> None:
@@ -109,7 +109,7 @@ def _join_over_seams(size: Float, path: Int, at_begin: Bool, at_end: Bool) -> No
         size[head] = size[tail] = size[head] + size[tail]
 
 
-def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bool) -> Bool:
+def _mark_barely_carried(paths: Toolpaths, path: Int, length: Float, carried: Bool) -> Bool:
     """Return which samples (k,) belong to a path of which too little is carried."""
     low = int(path[0])
     whole, part = (np.bincount(path - low, weight) for weight in (length, length * carried))
@@ -123,12 +123,12 @@ def _mark_hardly_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
 
 
 def find_unsupported_beads(samples: BeadSamples, paths: Toolpaths, rules: SpanRules) -> Bool:
-    """Return which samples (n,) are unsupported too far if all beads below are there.
+    """Return which samples (n,) belong to unsupported stretches that are too long if all beads below are there.
 
     If none hangs, all beads stand, because those of the lowest layer do.
     """
     carried = find_carried_beads(samples, paths, rules)
-    return rules.find_hanging(samples, paths, slice(0, samples.count), carried)
+    return rules.find_unsupported(samples, paths, slice(0, samples.count), carried)
 
 
 def find_carried_beads(
@@ -143,7 +143,7 @@ def find_carried_beads(
         carried |= ~suspect[paths.layer[samples.path]]
     # Few beads lie on the part, so only those are compared with it that hang otherwise.
     suspect = np.zeros(paths.n_paths, np.bool_)
-    suspect[samples.path[rules.find_hanging(samples, paths, slice(0, samples.count), carried)]] = True
+    suspect[samples.path[rules.find_unsupported(samples, paths, slice(0, samples.count), carried)]] = True
     left = np.flatnonzero(suspect[samples.path] & ~carried)
     if len(left):
         carried[left] = rules.part.carries(samples, left, paths.layer[samples.path[left]])
@@ -151,7 +151,7 @@ def find_carried_beads(
 
 
 def remove_unsupported(samples: BeadSamples, paths: Toolpaths, hanging: Bool, rules: SpanRules) -> Bool:
-    """Return the samples (n,) that remain when everything is taken out that does not stand, from the bed upwards.
+    """Return the samples (n,) that remain when unsupported ones are removed, from the bed upwards.
 
     Args:
         samples: of all beads, in all layers.
@@ -174,7 +174,7 @@ def remove_unsupported(samples: BeadSamples, paths: Toolpaths, hanging: Bool, ru
         carried = covered.carries(some) if gapless[layer] else np.zeros(count, np.bool_)
         left = np.flatnonzero(~carried)
         carried[left] = rules.part.carries(samples, left + some.start, np.full(len(left), layer))
-        stays = ~rules.find_hanging(samples, paths, some, carried)
+        stays = ~rules.find_unsupported(samples, paths, some, carried)
         kept[some] = stays & ~_mark_short_rests(samples, paths, some, stays)
         is_less = not kept[some].all()
     return kept

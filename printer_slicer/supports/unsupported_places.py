@@ -47,7 +47,7 @@ class UnsupportedReasons(Struct, frozen=True, eq=False):
 
     Attributes:
         places: places for which the style found no support.
-        removed: (n, 3) places of beads that were taken out because they did not stand, mm.
+        removed: (n, 3) places of beads that were removed because nothing was below them, mm.
     """
 
     places: tuple[UnsupportedPlace, ...]
@@ -63,7 +63,7 @@ class UnsupportedReasons(Struct, frozen=True, eq=False):
             near = np.flatnonzero(np.abs(places[:, 2] - z) <= _NEAR)
             if not len(near) or not len(points):
                 continue
-            away = _measure_to_some(places[near, :2], points)
+            away = _measure_to_sample(places[near, :2], points)
             if away.min() <= _NEAR:
                 return reasons[int(near[np.argmin(away)])]
         return NO_WAY
@@ -155,7 +155,7 @@ def list_unsupported_places(
     """
     overhangs = _leave_out_bed(overhangs, profile)
     beads = _Beads.of(paths, overhangs, profile)
-    points = _join(_find_bare_points(overhangs, beads), _find_bare_islands(overhangs, beads))
+    points = _join(_find_unsupported_points(overhangs, beads), _find_unsupported_islands(overhangs, beads))
     found = [_describe(one, overhangs, beads, sections, reasons) for one in _split_into_groups(points)]
     width = profile.extrusion_width
     listed = [
@@ -169,7 +169,7 @@ def find_unsupported_groups(
 ) -> list[UnsupportedPoints]:
     """Return the points of each place that `list_unsupported_places` lists, except islands; also of small places."""
     overhangs = _leave_out_bed(overhangs, profile)
-    return _split_into_groups(_find_bare_points(overhangs, _Beads.of(paths, overhangs, profile)))
+    return _split_into_groups(_find_unsupported_points(overhangs, _Beads.of(paths, overhangs, profile)))
 
 
 def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:
@@ -195,11 +195,11 @@ def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
     )
 
 
-def _find_bare_points(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
+def _find_unsupported_points(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
     """Return the unsupported points; coarse points on a raster tell first which patches have any."""
     hanging = overhangs.area
     points, layer, _ = _sample_areas(hanging, _CELL)
-    found = np.flatnonzero(_find_suspects(beads, points, layer))
+    found = np.flatnonzero(_find_candidates(beads, points, layer))
     near = np.zeros(overhangs.plan.n_layers + 2, np.bool_)
     for rise in range(3):  # the layers above and below may have narrow strips between the coarse points
         near[layer[found] + rise] = True
@@ -239,7 +239,7 @@ def _sample_areas(areas: Areas, spacing: float) -> tuple[Float, Int, Float]:
     return points[order], lines.layer[line][order], (length / count * spacing)[line][order]
 
 
-def _find_suspects(beads: _Beads, points: Float, layer: Int) -> Bool:
+def _find_candidates(beads: _Beads, points: Float, layer: Int) -> Bool:
     """Return which points (n, 2) on layers (n,) of the part, ascending, have no bead near them; cells are coarse."""
     bare = np.ones(len(points), np.bool_)
     if not beads.paths.n_paths:
@@ -263,7 +263,7 @@ def _find_suspects(beads: _Beads, points: Float, layer: Int) -> Bool:
     return bare
 
 
-def _find_bare_islands(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
+def _find_unsupported_islands(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
     """Return the corners of islands to which no bead comes near."""
     islands = overhangs.islands
     pieces = split_connected(islands)
@@ -318,7 +318,7 @@ def _describe(
     centre = own[np.argmin(norm(own - own.mean(axis=0)))].tolist()
     # The corners of an island only count where nothing else of it is listed.
     counted = ~points.island if not points.island.all() else points.island
-    some = _choose_some(len(points.layer))
+    some = _choose_sample(len(points.layer))
     distance = 0.0
     for layer in distinct(points.layer[some]).tolist():
         at = points.xy[some[points.layer[some] == layer]]
@@ -337,15 +337,15 @@ def _describe(
     )
 
 
-def _measure_to_some(places: Float, points: Float) -> Float:
+def _measure_to_sample(places: Float, points: Float) -> Float:
     """Return the distance (n,) of places (n, 2) to the nearest of up to 300 of the points (m, 2), mm."""
     away = np.full(len(places), np.inf)
-    for point in points[_choose_some(len(points))]:  # a table of all pairs would not fit into memory
+    for point in points[_choose_sample(len(points))]:  # a table of all pairs would not fit into memory
         np.minimum(away, norm(places - point), out=away)
     return away
 
 
-def _choose_some(count: int) -> Int:
+def _choose_sample(count: int) -> Int:
     """Return the indices of up to 300 of `count` points, evenly distributed."""
     return np.linspace(0, count - 1, min(count, _MOST_POINTS)).astype(np.int64)
 

@@ -12,7 +12,7 @@ from printer_slicer.profile import Profile, load_profile
 from printer_slicer.regions import classify
 from printer_slicer.slicing import cut
 from printer_slicer.supports import find_overhangs
-from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.support_layers import plan_support_layers
 from tests.parts import layers
 
@@ -37,4 +37,4 @@ def prepared(
 def columns_of(mesh: Mesh, **changes: object) -> tuple[Supports, Sections, Profile]:
     """Columns under a part."""
     overhangs, plan, sections, profile = prepared(mesh, **changes)  # type: ignore[arg-type]
-    return lay_columns(overhangs, plan, sections, profile), sections, profile
+    return make_columns(overhangs, plan, sections, profile), sections, profile

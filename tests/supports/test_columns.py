@@ -7,7 +7,7 @@ import pytest
 
 from printer_slicer.geometry import difference, intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Supports
-from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.support_layers import plan_shared_layers
 from printer_slicer.supports.support_paths import make_support_paths
 from printer_slicer.supports.upward_faces import find_upward_faces
@@ -52,7 +52,7 @@ def test_areas_of_a_layer_do_not_overlap(name: str) -> None:
 
 def test_a_flat_overhang_gets_its_whole_area() -> None:
     overhangs, plan, sections, profile = prepared(tee())
-    supports = lay_columns(overhangs, plan, sections, profile)
+    supports = make_columns(overhangs, plan, sections, profile)
 
     (layer,) = np.flatnonzero(overhangs.area.used)
     top = supports.area.copy_layers(np.array([plan.carrier[layer]]))
@@ -97,7 +97,7 @@ def test_floors_begin_at_the_gap_above_the_part_and_lie_over_it(gap: float) -> N
     overhangs, _, sections, profile = prepared(bracket(), support_bottom_gap=gap)
     landings = find_upward_faces(overhangs, sections)
     plan = plan_shared_layers([(overhangs, profile)], landings + gap)[0]
-    supports = lay_columns(overhangs, plan, sections, profile)
+    supports = make_columns(overhangs, plan, sections, profile)
     paths = make_support_paths(supports, profile)
 
     assert landings == pytest.approx([4.0])
@@ -126,7 +126,7 @@ def test_on_bed_only_leaves_what_stands_on_the_part_and_tells_it() -> None:
 def test_a_support_outside_the_bed_is_told() -> None:
     overhangs, plan, sections, profile = prepared(tee())
     small = replace(profile, printer=replace(profile.printer, bed_x=130.0))
-    supports = lay_columns(overhangs, plan, sections, small)
+    supports = make_columns(overhangs, plan, sections, small)
 
     assert any("outside the bed" in place.reason for place in supports.unsupported)
     assert supports.area.xy[:, 0].max() <= small.printer.corners[1][0] + 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.supports.bead_samples import sample_beads
-from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.edge_rows import add_edge_rows
 from printer_slicer.supports.stability import check_stability
 from printer_slicer.supports.styles import measure_path_volume
@@ -18,7 +18,7 @@ from tests.supports.shapes import tee
 
 def test_a_row_is_added_below_an_edge_without_one() -> None:
     overhangs, plan, sections, profile = prepared(tee(), support="columns", support_interface_layers=0)
-    supports = lay_columns(overhangs, plan, sections, profile)
+    supports = make_columns(overhangs, plan, sections, profile)
     paths = make_support_paths(supports, profile)
     samples = sample_beads(paths)
     y = samples.points(np.arange(samples.count))[:, 1]
@@ -37,7 +37,7 @@ def test_a_row_is_added_below_an_edge_without_one() -> None:
 
 def test_nothing_is_added_where_rows_are_near() -> None:
     overhangs, plan, sections, profile = prepared(tee(), support="columns")
-    supports = lay_columns(overhangs, plan, sections, profile)
+    supports = make_columns(overhangs, plan, sections, profile)
     paths = make_support_paths(supports, profile)
 
     assert add_edge_rows(supports, paths, overhangs, profile) is paths

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from printer_slicer.model import Areas, LayerPlan, SupportPlan, Supports
-from printer_slicer.supports.columns import lay_columns
+from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.findings import find_grips, find_slim_pieces
 from printer_slicer.supports.trees import grow_trees
 from tests.parts import plain
@@ -63,7 +63,7 @@ def test_slim_columns_are_found(side: float, n_layers: int, is_slim: bool) -> No
 def test_the_foot_decides() -> None:
     overhangs, plan, sections = by_hand(tee(10.0, 60.0))
     slim = [
-        find_slim_pieces(lay_columns(overhangs, plan, sections, plain(support_foot=foot)))
+        find_slim_pieces(make_columns(overhangs, plan, sections, plain(support_foot=foot)))
         for foot in (0.0, 10.0)
     ]
     trees = find_slim_pieces(grow_trees(overhangs, plan, sections, plain()))
