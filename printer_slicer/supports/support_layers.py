@@ -1,8 +1,8 @@
 """Plan the layers of supports: their tops lie where overhangs need them, and few layers are between them.
 
-The layers are the shortest path through the heights at which a support layer may end: multiples of a
-z step, and the height at which the support of each overhang should end. Overhangs in one plane get exactly the gap of the settings. Below slopes the gap may be
-larger by the slack, so that supports need fewer layers than the part.
+The layers are the shortest path through the heights at which a support layer may end: multiples of a z step, and the
+height at which the support of each overhang should end. Overhangs in one plane get exactly the gap of the settings.
+Below slopes the gap may be larger by the slack, so that supports need fewer layers than the part.
 """
 
 from __future__ import annotations
