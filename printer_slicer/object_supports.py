@@ -37,7 +37,7 @@ class ObjectOverhangs(Struct, frozen=True, eq=False):
 
     Attributes:
         index: number of the object.
-        overhangs: what hangs, on all layers of the object.
+        overhangs: areas that need supports, on all layers of the object.
         profile: the settings.
     """
 
@@ -68,7 +68,7 @@ def find_object_overhangs(  # noqa: PLR0913 - the results of all stages
         sections: of each object.
         regions: of each object.
         profiles: of each object.
-        modifiers: of each object; what hangs within those with other settings of supports has these settings.
+        modifiers: of each object; overhangs within those with other settings of supports have these settings.
         always_steer: whether volumes also count without supports.
         only_supported: whether objects without supports are left out.
     """
@@ -139,7 +139,7 @@ def make_object_supports(
     All supports have the same layers. They avoid all objects, and those of other settings.
 
     Args:
-        found: what hangs.
+        found: overhangs of each object.
         sections: of each object.
         regions: of each object.
         report: called when supports begin.
@@ -178,7 +178,7 @@ def _find_start_heights(demands: Sequence[tuple[Overhangs, Profile]], sections: 
     """Return where supports begin above horizontal faces, mm; None if they only begin where layers of the part end.
 
     Args:
-        demands: what hangs, with the profile of each.
+        demands: overhangs, with the profile of each.
         sections: all objects.
     """
     if demands[0][1].quality.support_sync:
@@ -196,7 +196,7 @@ def _replace_bridges(
 
     Args:
         group: objects with the same settings.
-        together: what hangs in all of them.
+        together: overhangs in all of them.
         plan: which of that supports carry.
         regions: of each object of the plate.
     """

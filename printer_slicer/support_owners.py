@@ -30,9 +30,9 @@ def find_support_owners(supports: Supports, overhangs: Overhangs, part: Mesh) ->
     pieces = split_connected(normalize(supports.area))
     body = label_components(np.stack(find_overlaps(pieces, pieces)), pieces.count)
     carrier = supports.plan.carrier
-    hanging = split_connected(overhangs.area.of_layers(carrier >= 0))
-    objects = _find_objects_above(hanging, overhangs, part)
-    onto = ConnectedAreas(hanging.areas, carrier[hanging.layer], hanging.of_ring)
+    overhanging = split_connected(overhangs.area.of_layers(carrier >= 0))
+    objects = _find_objects_above(overhanging, overhangs, part)
+    onto = ConnectedAreas(overhanging.areas, carrier[overhanging.layer], overhanging.of_ring)
     above, below = find_overlaps(onto, pieces, (0,))
     pairs = np.unique(np.stack([body[below], objects[above]]), axis=1)
     n_bodies = int(body.max(initial=-1)) + 1
@@ -44,11 +44,11 @@ def find_support_owners(supports: Supports, overhangs: Overhangs, part: Mesh) ->
     return SupportOwners(supports.plan.layers, areas, owner[body[pieces.areas.ring_layer]])
 
 
-def _find_objects_above(hanging: ConnectedAreas, overhangs: Overhangs, part: Mesh) -> Int:
+def _find_objects_above(overhanging: ConnectedAreas, overhangs: Overhangs, part: Mesh) -> Int:
     """Return the object (P,) of each overhanging piece."""
-    inner = offset(hanging.areas, -_INSET)
-    points = np.zeros((hanging.count, 2))
-    for areas in (hanging.areas, inner):
+    inner = offset(overhanging.areas, -_INSET)
+    points = np.zeros((overhanging.count, 2))
+    for areas in (overhanging.areas, inner):
         first = np.searchsorted(areas.ring_layer, np.flatnonzero(areas.used))
         points[areas.used] = areas.xy[areas.ring_start[first]]
-    return find_objects(points, overhangs.plan.cut[hanging.layer], part)
+    return find_objects(points, overhangs.plan.cut[overhanging.layer], part)

@@ -21,11 +21,11 @@ class Overhangs(SvgRepr, Struct, frozen=True, eq=False):
 
     Attributes:
         plan: the layers of the part.
-        area: what hangs in each layer and needs a support.
+        area: overhangs of each layer that need a support.
         ring_patch: (R,) patch of each ring of `area`, from 0. Pieces in neighbouring layers that touch are one patch.
         islands: the lowest piece of each body that stands on nothing, and of each tail; they are part of `area`.
-        bridged: areas that hang, but whose bridge lines are held at both ends.
-        is_flat: (L,) whether much of a patch hangs in this layer alone, as under a horizontal face.
+        bridged: overhangs whose bridge lines are supported at both ends.
+        is_flat: (L,) whether this layer alone contains much of a patch, as under a horizontal face.
         blocked: islands that get no support because a support blocker covers them.
         idle_enforcers: connected support enforcers without an overhang, so that they have no effect.
         idle_blockers: connected support blockers within which nothing would get a support.

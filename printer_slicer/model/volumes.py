@@ -26,8 +26,8 @@ class Volumes(Struct, frozen=True, eq=False):
     Painted facets are kept as triangles of their own, so that a repair of the mesh cannot mix them up.
 
     Attributes:
-        enforce: closed meshes; what hangs within them gets a support.
-        block: closed meshes; what hangs within them gets none.
+        enforce: closed meshes; overhangs within them get supports.
+        block: closed meshes; overhangs within them get none.
         negative: closed meshes that are cut out of the part.
         enforced_facets: (P, 3, 3) mm, the pieces of the surface that are painted to get a support.
         blocked_facets: (Q, 3, 3) mm, the pieces of the surface that are painted to get none.

@@ -58,7 +58,7 @@ def find_contact_areas(overhangs: Overhangs, plan: SupportPlan, some: Bool) -> A
 def find_needed_paths(samples: BeadSamples, paths: Toolpaths, kept: Bool, contacts: Areas) -> Bool:
     """Return a mask (M,) of paths without which some place of an overhang would be unsupported.
 
-    These are lost paths under what hangs, if no other bead is near, and lost paths below them.
+    These are lost paths under overhangs, if no other bead is near, and lost paths below them.
 
     Args:
         samples: of all beads.
@@ -114,7 +114,7 @@ def add_columns(
         paths: the beads.
         hanging: (n,) samples that are to be carried.
         blocked: areas by layer that must stay free.
-        rules: how far beads may hang.
+        rules: largest lengths of unsupported beads.
     """
     layers, n_layers = paths.plan, paths.plan.n_layers
     wanted = _draw_stretches(samples, paths, hanging)
@@ -187,7 +187,7 @@ def _make_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> To
 def _find_unsupported_columns(
     column: Areas, walls: Toolpaths, paths: Toolpaths, rules: SpanRules, layer: int
 ) -> Areas:
-    """Return the columns of a layer whose walls hang over the beads below."""
+    """Return the columns of a layer whose walls the beads below do not support."""
     if not layer or not walls.n_paths:
         return Areas.empty(1)
     below = paths.take(np.flatnonzero(paths.layer == layer - 1))

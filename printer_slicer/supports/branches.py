@@ -24,7 +24,7 @@ __all__ = ["draw_branches", "draw_discs", "find_closed_discs", "find_second_loop
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
-_LONGEST_BRIDGE = 0.6  # mm of a loop that may hang, measured between points of the outline
+_LONGEST_BRIDGE = 0.6  # mm of a loop that may be unsupported, measured between points of the outline
 _SHARP = np.deg2rad(30.0)  # at sharper corners the nozzle stops
 _THICK = 1.5  # mm; circles of a larger radius get many corners
 
@@ -114,7 +114,7 @@ def find_closed_discs(hollow: Areas, width: float) -> Areas:
 def find_second_loops(hollow: Areas, inset: Float, width: float) -> Areas:
     """Return the second loops of thick branches, which begin on the bed.
 
-    Where branches join, their union is thicker than the branch below it. A loop there would begin in the air.
+    Where branches join, their union is thicker than the branch below it. A loop there would begin with nothing below.
 
     Args:
         hollow: branches that are printed as loops.

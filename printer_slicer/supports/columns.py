@@ -31,7 +31,7 @@ from printer_slicer.values import Struct
 
 __all__ = ["find_contacts", "make_columns"]
 
-_CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond what hangs
+_CONTACT_GROWTHS: Final = (0.2, 1.0)  # mm, least and most by which contacts reach beyond overhangs
 _FLAT_GROWTH: Final = 0.1  # mm, the same below horizontal faces, beside which nothing is blocked
 _ISLAND_GROWTH: Final = 1.0  # mm; the first layer of an island may be a dot, but its support must not be one
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
@@ -57,7 +57,7 @@ def make_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pr
     """Support overhangs by columns.
 
     Args:
-        overhangs: what hangs.
+        overhangs: areas that need supports.
         plan: the layers of supports.
         sections: the part.
         profile: gaps, foot and interfaces of supports, and the bed.
@@ -94,7 +94,7 @@ def find_contacts(
 ) -> Areas:
     """Return the areas by support layer under overhangs, as far as supports may be there.
 
-    They reach `growth` mm beyond slopes that hang, and less beyond horizontal faces. Gaps within a patch that are
+    They reach `growth` mm beyond overhanging slopes, and less beyond horizontal faces. Gaps within a patch that are
     narrower than twice `closing` are closed.
     """
     n_layers, area = plan.layers.n_layers, overhangs.area

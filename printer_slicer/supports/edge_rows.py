@@ -20,8 +20,16 @@ from printer_slicer.supports.unsupported_places import UnsupportedPoints, find_u
 
 __all__ = ["add_edge_rows"]
 
-_LEAST: Final = 1.0  # mm² of a bare place that gets a row
-_ASIDE: Final = (0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2)  # mm from the middle of a bare place to its row
+_LEAST: Final = 1.0  # mm² of an unsupported place that gets a row
+_ASIDE: Final = (
+    0.0,
+    0.4,
+    -0.4,
+    0.8,
+    -0.8,
+    1.2,
+    -1.2,
+)  # mm from the middle of an unsupported place to its row
 _LONGER_BY: Final = 1.2  # times the length in all layers near the place, by which another row is better
 _BELOW: Final = 0.5  # mm below the lowest contact, where a row is near enough
 _SHORTEST: Final = 2.0  # widths; shorter rows are left out

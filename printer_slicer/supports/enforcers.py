@@ -30,12 +30,12 @@ def apply_enforcers_and_blockers(
 ) -> Overhangs:
     """Add enforced areas to overhangs, then remove blocked ones.
 
-    Whatever hangs over nothing within an enforced place gets a support: at any angle, however small, and also bridges.
+    Whatever is unsupported within an enforced place gets a support: at any angle, however small, and also bridges.
     Where a place is enforced and blocked, it is blocked; islands that are blocked are listed. With
     `support_places = enforced`, nothing else gets a support.
 
     Args:
-        overhangs: what hangs by the rules for the whole part.
+        overhangs: areas that need supports by the rules for the whole part.
         sections: the part.
         volumes: the places by layer of `overhangs.plan`.
         quality: threshold angle, and whether only enforced places get supports.

@@ -13,7 +13,7 @@ from printer_slicer.supports.slopes import compute_steps, find_strips, grow_by_s
 __all__ = ["find_overhangs", "mark_flat_layers"]
 
 _SLIVER = 0.02  # mm, width of strips that are left out
-_FLAT = 0.2  # share of a patch that hangs in one layer, if the patch is not a slope
+_FLAT = 0.2  # share of a patch in one layer, if the patch is not a slope
 
 
 def find_overhangs(sections: Sections, regions: Regions, profile: Profile) -> Overhangs:

@@ -1,6 +1,6 @@
 """Join overhanging pieces into patches, and drop patches that are too small to need supports.
 
-A slope hangs as one strip in each layer, and the thinner the layers, the narrower the strips. So the size of a patch
+An overhanging slope is one strip in each layer, and the thinner the layers, the narrower the strips. So the size of a patch
 counts, seen from above, never that of a strip.
 """
 
@@ -32,15 +32,15 @@ _FAR = 4.0  # times the smallest reach; narrow pieces that extend this far over 
 _SEAM = 0.02  # mm by which strips are grown, so that no gap between two of them stays
 
 
-def drop_small_groups(hanging: Areas, required: Areas, step: Float, quality: Quality) -> Areas:
+def drop_small_groups(overhanging: Areas, required: Areas, step: Float, quality: Quality) -> Areas:
     """Return the areas of groups that may contain a patch that needs supports.
 
     Pieces whose bounding boxes touch form groups, so each patch lies within one group. This takes less time than to
     join patches, and on most parts it leaves little to join. Arguments are those of `join_patches`.
     """
-    pieces = split_connected(hanging)
+    pieces = split_connected(overhanging)
     if not pieces.count:
-        return hanging
+        return overhanging
     boxes = Boxes(*pieces.areas.boxes(), pieces.layer)
     around = boxes.expand(_compute_reach(pieces, step))
     links = [
@@ -50,42 +50,42 @@ def drop_small_groups(hanging: Areas, required: Areas, step: Float, quality: Qua
     group = label_components(np.concatenate(links, axis=1), pieces.count)
     needed = _mark_large(_unite(pieces, group), quality)
     needed[group[_hold_areas(pieces, required)]] = True
-    return pieces.on_layers(hanging.n_layers, np.flatnonzero(needed[group]))
+    return pieces.on_layers(overhanging.n_layers, np.flatnonzero(needed[group]))
 
 
-def find_far_pieces(hanging: Areas, below: Areas, quality: Quality) -> Areas:
+def find_far_pieces(overhanging: Areas, below: Areas, quality: Quality) -> Areas:
     """Return the pieces that extend far beyond the section below, such as a thin wall that is held at one end.
 
     Args:
-        hanging: areas that hang.
+        overhanging: areas of overhangs by layer.
         below: section below each layer.
         quality: smallest area and reach of patches.
     """
-    pieces = split_connected(hanging)
+    pieces = split_connected(overhanging)
     large = np.flatnonzero(pieces.areas.area() >= quality.support_min_area)
     corners = pieces.areas.copy_layers(large)
     piece = large[corners.point_layer]
     reach = _FAR * quality.support_min_reach
     depth = depths(below, corners.xy, pieces.layer[piece], reach)
     far = np.unique(piece[~(depth > -reach)])  # nan: farther than the reach from all outlines
-    return pieces.on_layers(hanging.n_layers, far)
+    return pieces.on_layers(overhanging.n_layers, far)
 
 
 def join_patches(
-    hanging: Areas, required: Areas, cover: Areas, step: Float, quality: Quality
+    overhanging: Areas, required: Areas, cover: Areas, step: Float, quality: Quality
 ) -> tuple[Areas, Int]:
     """Return the areas of patches that need supports, and the patch (R,) of each of their rings, from 0.
 
     Args:
-        hanging: areas that hang.
-        required: areas of patches that need supports whatever their size, such as islands; parts of `hanging`.
+        overhanging: areas of overhangs by layer.
+        required: areas of patches that need supports whatever their size, such as islands; parts of `overhanging`.
         cover: areas that bridges carry; what lies above or below them does not count.
-        step: (L,) mm from section to section on the steepest slope that hangs.
+        step: (L,) mm from section to section on the steepest slope that is an overhang.
         quality: smallest area and reach of patches.
     """
-    pieces = split_connected(hanging)
+    pieces = split_connected(overhanging)
     if not pieces.count:
-        return Areas.empty(hanging.n_layers), np.zeros(0, np.int64)
+        return Areas.empty(overhanging.n_layers), np.zeros(0, np.int64)
     reach = _compute_reach(pieces, step)
     patch = label_components(np.stack(find_touching(pieces, pieces, reach, (0, 1))), pieces.count)
     united = _subtract_covers(_unite(pieces, patch), pieces, patch, split_connected(cover), reach)
@@ -94,7 +94,7 @@ def join_patches(
     kept = np.flatnonzero(needed[patch])
     rings = np.flatnonzero(np.isin(pieces.areas.ring_layer, kept))
     number = np.cumsum(needed) - 1
-    return pieces.on_layers(hanging.n_layers, kept), number[patch[pieces.areas.ring_layer[rings]]]
+    return pieces.on_layers(overhanging.n_layers, kept), number[patch[pieces.areas.ring_layer[rings]]]
 
 
 def _compute_reach(pieces: ConnectedAreas, step: Float) -> Float:

@@ -54,7 +54,7 @@ def check_stability(
     Args:
         supports: areas by support layer.
         paths: their beads, on the layers of supports.
-        overhangs: what hangs.
+        overhangs: areas that need supports.
         sections: the part, all objects.
         profile: gaps and spacings of supports.
     """

@@ -70,7 +70,7 @@ def make_supports(
     """Return supports for overhangs, and their paths.
 
     Args:
-        overhangs: what hangs; at least one patch.
+        overhangs: areas that need supports; at least one patch.
         plan: the layers of supports.
         sections: all that supports must avoid.
         profile: style and other settings of supports.

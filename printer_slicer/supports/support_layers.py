@@ -76,7 +76,7 @@ def plan_shared_layers(
     one, with more gap than wanted, or with as little as half of it. Below that, it has no carrier.
 
     Args:
-        demands: what hangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
+        demands: overhangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
             heights, and the limits of the printer, are those of the first profile.
         start_heights: (n,) where supports begin above faces of the part, mm. A layer begins there if possible.
 

@@ -67,7 +67,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     become one where they can, and end on the bed, or on the part where that saves much of the way.
 
     Args:
-        overhangs: what hangs.
+        overhangs: areas that need supports.
         plan: the layers of supports.
         sections: the part.
         profile: the settings.

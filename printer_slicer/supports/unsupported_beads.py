@@ -157,7 +157,7 @@ def remove_unsupported(samples: BeadSamples, paths: Toolpaths, hanging: Bool, ru
         samples: of all beads, in all layers.
         paths: the beads.
         hanging: (n,) result of `find_unsupported_beads`.
-        rules: how far beads may hang.
+        rules: largest lengths of unsupported beads.
     """
     kept, covered = np.ones(samples.count, np.bool_), BeadMap(samples)
     start, gapless = samples.layer_start, find_gapless_layers(paths.plan)

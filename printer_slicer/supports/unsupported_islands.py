@@ -35,7 +35,7 @@ def require_supported_islands(
 
     Args:
         name: of the part.
-        overhangs: what hangs; None if that was not searched for.
+        overhangs: areas that need supports; None if that was not searched for.
         supports: None if there are none.
         shift: (3,) vector to the coordinates of the given mesh, mm.
 

@@ -26,10 +26,10 @@ __all__ = [
     "list_unsupported_places",
 ]
 
-_ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries what hangs
+_ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries overhangs
 _DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
 _AT_ISLAND: Final = 1.0  # mm, the same for the lowest point of an island
-_CELL: Final = 0.5  # mm; side of the cells, and distance between points of what hangs
+_CELL: Final = 0.5  # mm; side of the cells, and distance between points of overhangs
 _DIAGONAL: Final = 1.0  # radians, direction of the rows of points; rows along a side would miss narrow strips
 _LEAST: Final = 0.5  # mm²; smaller places are rounding
 _BESIDE: Final = 1.0  # mm around coarse points without support, where areas are measured
@@ -74,7 +74,7 @@ class _Beads(Struct, frozen=True, eq=False):
 
     Attributes:
         paths: all beads.
-        first, last: (L,) range of paths that carry what hangs in each layer of the part.
+        first, last: (L,) range of paths that carry overhangs in each layer of the part.
     """
 
     paths: Toolpaths
@@ -147,7 +147,7 @@ def list_unsupported_places(
     Places that reach no farther from the part below or from a support than an extrusion is wide are left out.
 
     Args:
-        overhangs: what hangs.
+        overhangs: areas that need supports.
         paths: the beads of supports, on their layers.
         sections: the part.
         profile: gaps of supports, and the extrusion width.

@@ -21,7 +21,7 @@ def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
     """Return the heights (n,), mm, of horizontal faces that face up and lie below overhangs, seen from above.
 
     Args:
-        overhangs: what hangs.
+        overhangs: areas that need supports.
         sections: the part, or all objects; areas may have other layers than `overhangs`.
     """
     solid, plan = sections.solid, sections.plan
