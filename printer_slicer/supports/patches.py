@@ -1,7 +1,7 @@
 """Join overhanging pieces into patches, and drop patches that are too small to need supports.
 
-An overhanging slope is one strip in each layer. Thinner layers have narrower strips. So the size of a patch counts, seen
-from above, not the size of a strip.
+An overhanging slope is one strip in each layer. Thinner layers have narrower strips. So the size of a patch counts,
+seen from above, not the size of a strip.
 """
 
 from __future__ import annotations
