@@ -7,7 +7,7 @@ the database first.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from threading import RLock
@@ -89,13 +89,14 @@ class QueueDatabase:
 
     Args:
         path: file of the database; it is created if it is missing, its folder is not.
+        migrations: statements that lead from each version of the schema to the next; the first makes `revision`.
 
     Raises:
         OutputError: the file is no database, or that of a newer version of this program.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._lock = path, RLock()
+    def __init__(self, path: Path, migrations: Sequence[str] = MIGRATIONS) -> None:
+        self._path, self._migrations, self._lock = path, migrations, RLock()
         try:
             path.touch(mode=0o600)
             self._connection = sqlite3.connect(
@@ -155,9 +156,9 @@ class QueueDatabase:
 
     def _migrate(self) -> None:
         """Bring the schema up to date; two processes may try it at the same time."""
-        if (version := self._read_version()) == len(MIGRATIONS):
+        if (version := self._read_version()) == len(self._migrations):
             return
-        if version > len(MIGRATIONS):
+        if version > len(self._migrations):
             raise OutputError(
                 f"{self._path}: the queue belongs to a newer version of this program",
                 remedy="Update it: pip install -U printer-slicer",
@@ -167,10 +168,10 @@ class QueueDatabase:
                 self._connection.backup(copy)
         self._connection.execute("BEGIN IMMEDIATE")
         try:
-            for statements in MIGRATIONS[self._read_version() :]:
+            for statements in self._migrations[self._read_version() :]:
                 for statement in statements.split(";"):
                     self._connection.execute(statement)
-            self._connection.execute(f"PRAGMA user_version = {len(MIGRATIONS)}")
+            self._connection.execute(f"PRAGMA user_version = {len(self._migrations)}")
         except BaseException:
             self._connection.execute("ROLLBACK")
             raise

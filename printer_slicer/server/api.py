@@ -1,0 +1,246 @@
+"""The operations of `/v1`, except uploads and the feed."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.print_queue import (
+    Explanation,
+    FileFacts,
+    JobRequest,
+    PrintRun,
+    QueuedFile,
+    QueuedJob,
+    QueueSnapshot,
+    explain_job,
+)
+from printer_slicer.printing.control_socket import send_control_command
+from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
+from printer_slicer.server.operations import Call, Operation
+from printer_slicer.server.problems import ProblemError
+from printer_slicer.values import Struct
+
+__all__ = ["OPERATIONS"]
+
+
+class JobBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """A file to print; the other fields are those of `JobRequest`."""
+
+    file: str
+    name: str = ""
+    printer: str = ""
+    material: str = ""
+    allow: tuple[str, ...] = ()
+    held: bool = False
+    first: bool = False
+    copies: int = 1
+
+
+class MoveBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """Before which job a job is moved; None: to the end."""
+
+    before: int | None = None
+
+
+class BedBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """The state of a bed, as a person sees it."""
+
+    bed: Literal["clear", "occupied", "unknown"]
+
+
+class MaterialBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """The name of the material that is loaded."""
+
+    material: str
+
+
+class CommandBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """A command to a running print, in the words of `printer-slicer control`."""
+
+    command: str
+
+
+class KeyBody(Struct, frozen=True, forbid_unknown_fields=True):
+    """A key to create."""
+
+    name: str
+    scopes: frozenset[Permission] = SLICER_SCOPES
+    printer: str = ""
+
+
+class NewKey(Struct, frozen=True):
+    """A new key with its text, which is shown only once."""
+
+    key: ApiKey
+    text: str
+
+
+class Account(Struct, frozen=True):
+    """Who sent the request, and what is allowed."""
+
+    name: str
+    scopes: tuple[Permission, ...]
+    printer: str
+
+
+class JobDetails(Struct, frozen=True):
+    """A job with its file and its runs."""
+
+    job: QueuedJob
+    file: QueuedFile
+    facts: FileFacts | None
+    runs: tuple[PrintRun, ...]
+
+
+def _get_account(call: Call) -> Account:
+    return Account(call.access.name, tuple(sorted(call.access.scopes)), call.access.printer)
+
+
+def _list_keys(call: Call) -> tuple[ApiKey, ...]:
+    return call.services.access.list_keys()
+
+
+def _create_key(call: Call) -> NewKey:
+    body: KeyBody = call.body
+    return NewKey(*call.services.access.create_key(body.name, body.scopes, body.printer))
+
+
+def _delete_key(call: Call) -> None:
+    call.services.access.delete_key(call.path["key"])
+
+
+def _end_session(call: Call) -> None:
+    call.services.access.end_session(call.access.session)
+
+
+def _get_queue(call: Call) -> QueueSnapshot:
+    return call.services.queue.snapshot()
+
+
+def _list_history(call: Call) -> tuple[QueuedJob, ...]:
+    return call.services.queue.list_ended_jobs()
+
+
+def _get_file(call: Call) -> tuple[QueuedFile, FileFacts]:
+    file = call.services.queue.find_file(call.path["file"])
+    return file, call.services.reader.read(file.id)
+
+
+def _add_jobs(call: Call) -> tuple[QueuedJob, ...]:
+    body: JobBody = call.body
+    call.require("print", body.printer)
+    call.services.reader.read(body.file)
+    request = JobRequest(
+        body.name, body.printer or call.access.printer, body.material, body.allow, body.held, body.first, body.copies
+    )
+    return call.services.queue.add_jobs(body.file, request)
+
+
+def _get_job(call: Call) -> JobDetails:
+    queue = call.services.queue
+    job = queue.find_job(call.path["job"])
+    return JobDetails(job, queue.find_file(job.file), queue.read_facts(job.file), queue.list_runs(job.id))
+
+
+def _explain_job(call: Call) -> Explanation:
+    return explain_job(call.services.queue, call.path["job"])
+
+
+def _find_own_job(call: Call) -> QueuedJob:
+    """Return the job in the path, which the sender may change."""
+    job = call.services.queue.find_job(call.path["job"])
+    call.require("print", job.printer)
+    return job
+
+
+def _move_job(call: Call) -> QueueSnapshot:
+    job = _find_own_job(call)
+    call.services.queue.move_job(job.id, call.body.before)
+    return call.services.queue.snapshot()
+
+
+def _hold_job(call: Call) -> QueuedJob:
+    job = _find_own_job(call)
+    call.services.queue.hold_job(job.id)
+    return call.services.queue.find_job(job.id)
+
+
+def _release_job(call: Call) -> QueuedJob:
+    job = _find_own_job(call)
+    call.services.queue.release_job(job.id)
+    return call.services.queue.find_job(job.id)
+
+
+def _cancel_job(call: Call) -> QueuedJob:
+    return call.services.queue.cancel_job(_find_own_job(call).id)
+
+
+def _set_bed(call: Call) -> QueueSnapshot:
+    printer = call.path["printer"]
+    call.require("control", printer)
+    call.services.queue.set_bed(printer, call.body.bed)
+    return call.services.queue.snapshot()
+
+
+def _set_material(call: Call) -> QueueSnapshot:
+    printer = call.path["printer"]
+    call.require("control", printer)
+    call.services.queue.set_material(printer, call.body.material)
+    return call.services.queue.snapshot()
+
+
+def send_to_print(call: Call, printer: str, command: str) -> dict[str, Any]:
+    """Send a command to the print that runs on a printer, and return its answer.
+
+    Raises:
+        ProblemError: nothing is printed, or the print does not answer or refuses.
+    """
+    runs = [run for run in call.services.queue.list_active_runs() if run.printer == printer]
+    if not runs:
+        raise ProblemError(409, f"printer {printer} prints nothing", "Start a job first")
+    try:
+        answer = send_control_command(call.services.job_store / runs[0].id, command)
+    except PrinterSlicerError as error:
+        raise ProblemError(409, str(error.args[0]), error.remedy) from None
+    if not answer.get("ok", True):
+        raise ProblemError(409, str(answer.get("answer", "the print refused the command")))
+    return answer
+
+
+def _command_print(call: Call) -> dict[str, Any]:
+    printer = call.path["printer"]
+    call.require("control", printer)
+    return send_to_print(call, printer, call.body.command)
+
+
+_JOB: Final = "/v1/jobs/{job:int}"
+_PRINTER: Final = "/v1/printers/{printer}"
+
+OPERATIONS: Final = (
+    Operation("GET", "/v1/me", "read", "who sends this request, and what is allowed", _get_account, None, Account),
+    Operation("DELETE", "/v1/session", "read", "sign out", _end_session),
+    Operation("GET", "/v1/keys", "admin", "list the keys", _list_keys, None, tuple[ApiKey, ...]),
+    Operation("POST", "/v1/keys", "admin", "create a key", _create_key, KeyBody, NewKey),
+    Operation("DELETE", "/v1/keys/{key}", "admin", "delete a key and end its sessions", _delete_key),
+    Operation("GET", "/v1/queue", "read", "printers, waiting jobs and running prints", _get_queue, None, QueueSnapshot),
+    Operation("GET", "/v1/history", "read", "the last jobs that ended", _list_history, None, tuple[QueuedJob, ...]),
+    Operation(
+        "GET", "/v1/files/{file}", "read", "what is known of a file", _get_file, None, tuple[QueuedFile, FileFacts]
+    ),
+    Operation("POST", "/v1/jobs", "print", "add jobs for a file", _add_jobs, JobBody, tuple[QueuedJob, ...]),
+    Operation("GET", _JOB, "read", "a job with its file and runs", _get_job, None, JobDetails),
+    Operation("GET", f"{_JOB}/explanation", "read", "why a job waits", _explain_job, None, Explanation),
+    Operation("PUT", f"{_JOB}/place", "print", "move a job in the queue", _move_job, MoveBody, QueueSnapshot),
+    Operation("PUT", f"{_JOB}/hold", "print", "hold a job until it is released", _hold_job, None, QueuedJob),
+    Operation("DELETE", f"{_JOB}/hold", "print", "release a job", _release_job, None, QueuedJob),
+    Operation("DELETE", _JOB, "print", "cancel a job, also while it is printed", _cancel_job, None, QueuedJob),
+    Operation("PUT", f"{_PRINTER}/bed", "control", "declare the state of a bed", _set_bed, BedBody, QueueSnapshot),
+    Operation(
+        "PUT", f"{_PRINTER}/material", "control", "name the loaded material", _set_material, MaterialBody, QueueSnapshot
+    ),
+    Operation(
+        "POST", f"{_PRINTER}/command", "control", "send a command to the print", _command_print, CommandBody, None
+    ),
+)
+"""All operations with a method, a path and a permission."""

@@ -1,0 +1,246 @@
+"""The web application: routes of the interface, uploads, the feed, sign-in and the page."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Any, Final
+
+import anyio
+import msgspec
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import BaseRoute, Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.print_queue import QueuedFile
+from printer_slicer.server.access import Access
+from printer_slicer.server.api import OPERATIONS
+from printer_slicer.server.feed import Feed, FeedPosition
+from printer_slicer.server.guard import RequestGuard
+from printer_slicer.server.openapi import describe_interface
+from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_access, run_operation
+from printer_slicer.server.problems import Problem, ProblemError, describe_error, respond_with_problem
+from printer_slicer.server.services import Services
+from printer_slicer.server.uploads import FormReader
+
+__all__ = ["make_app", "receive_upload"]
+
+_MAX_UPLOAD: Final = 512 * 1024 * 1024
+_SILENCE: Final = 30.0  # s without a byte, after which an upload is ended
+_MAX_SOCKETS: Final = 50
+_MAX_SOCKETS_PER_ADDRESS: Final = 20
+_TICK: Final = 0.2  # s between messages to one browser
+_PING: Final = 5.0  # s between looks whether a session still exists
+
+
+def make_app(services: Services) -> Starlette:
+    """Return the application; it closes the services when it stops."""
+    feed = Feed(services)
+
+    @asynccontextmanager
+    async def run(_: Starlette) -> AsyncIterator[None]:
+        feed.start()
+        yield
+        feed.close()
+
+    routes: list[BaseRoute] = [_make_route(operation) for operation in OPERATIONS]
+    routes += [
+        Route("/v1/files", _upload_file, methods=["POST"]),
+        Route("/v1/session", _sign_in, methods=["POST"]),
+        Route("/v1/openapi.json", _describe_interface),
+        Route("/sign-in", _open_link),
+        WebSocketRoute("/v1/feed", _serve_feed),
+    ]
+    app = Starlette(
+        routes=routes,
+        middleware=[Middleware(RequestGuard, settings=services.guard)],
+        exception_handlers={
+            ProblemError: _handle_problem,
+            404: _handle_missing,
+            405: _handle_method,
+            500: _handle_fault,
+        },
+        lifespan=run,
+    )
+    app.state.services, app.state.feed, app.state.sockets = services, feed, Counter[str]()
+    return app
+
+
+def _make_route(operation: Operation) -> Route:
+    """Return the route of an operation."""
+
+    async def answer(request: Request) -> Response:
+        return await run_operation(operation, request)
+
+    return Route(operation.path, answer, methods=[operation.method], name=operation.summary)
+
+
+async def receive_upload(
+    request: Request, store: Callable[[FormReader, Access], Any], access: Access, *, most: int = _MAX_UPLOAD
+) -> Any:
+    """Run a function in a thread that reads a form while it arrives, and return its result.
+
+    Raises:
+        ProblemError: the upload is too large, is no form, or stops.
+    """
+    announced = request.headers.get("content-length", "0")
+    too_large = ProblemError(
+        413, f"the upload is larger than {most >> 20} MB", "Slice it with fewer details, or split it"
+    )
+    if not announced.isdecimal() or int(announced) > most:
+        raise too_large
+    chunks, received = request.stream().__aiter__(), 0
+
+    async def receive() -> bytes:
+        nonlocal received
+        try:
+            with anyio.fail_after(_SILENCE):
+                chunk: bytes = await anext(chunks, b"")
+        except TimeoutError:
+            raise ProblemError(408, f"nothing arrived for {_SILENCE:g} s", "Send the file again") from None
+        received += len(chunk)
+        if received > most:
+            raise too_large
+        return chunk
+
+    def work() -> Any:
+        form = FormReader(request.headers.get("content-type", ""), lambda: anyio.from_thread.run(receive))
+        return store(form, access)
+
+    try:
+        return await run_in_threadpool(work)
+    except PrinterSlicerError as error:
+        problem = describe_error(error)
+        raise ProblemError(problem.status, problem.title, problem.remedy) from None
+
+
+async def _upload_file(request: Request) -> Response:
+    """Store a file of G-code, and answer with what is known of it."""
+    services: Services = request.app.state.services
+    access = await run_in_threadpool(find_access, request, services)
+    if not access.allows("upload"):
+        raise ProblemError(403, "this key does not allow upload", "Use a key with this permission")
+
+    def store(form: FormReader, _: Access) -> QueuedFile:
+        return services.queue.add_file(form.find_file(), form.read_file())
+
+    file = await receive_upload(request, store, access)
+    facts = await run_in_threadpool(services.reader.read, file.id)
+    return Response(msgspec.json.encode((file, facts)), 201, media_type="application/json")
+
+
+async def _sign_in(request: Request) -> Response:
+    """Begin a session with a key."""
+    body = await request.body() if int(request.headers.get("content-length", "0") or 0) < 1024 else b""
+    try:
+        text = str(msgspec.json.decode(body, type=dict[str, str])["key"])
+    except (msgspec.DecodeError, KeyError):
+        raise ProblemError(400, "the body has no key", 'Send {"key": "..."}') from None
+    return await _begin_session(request, text, Response(status_code=204))
+
+
+async def _open_link(request: Request) -> Response:
+    """Begin a session with the token of a link, which works once."""
+    return await _begin_session(request, request.query_params.get("token", ""), RedirectResponse("/", 303))
+
+
+async def _begin_session(request: Request, text: str, response: Response) -> Response:
+    """Add the cookie of a new session to a response."""
+    services: Services = request.app.state.services
+    secret = await run_in_threadpool(services.access.sign_in, text)
+    if secret is None:
+        raise ProblemError(
+            401, "the key is unknown, or the link was used or is too old", "Restart the server for a new link"
+        )
+    secure = request.url.scheme == "https"
+    response.set_cookie(SESSION_COOKIE, secret, httponly=True, samesite="strict", secure=secure, path="/")
+    return response
+
+
+async def _describe_interface(_: Request) -> Response:
+    """Answer with the description of the interface."""
+    return Response(msgspec.json.encode(describe_interface(OPERATIONS)), media_type="application/json")
+
+
+async def _serve_feed(websocket: WebSocket) -> None:
+    """Send the status to a browser until it leaves or its session ends."""
+    services: Services = websocket.app.state.services
+    access = await run_in_threadpool(_find_reader, websocket, services)
+    address = websocket.client.host if websocket.client else ""
+    sockets: Counter[str] = websocket.app.state.sockets
+    is_full = sockets.total() >= _MAX_SOCKETS or sockets[address] >= _MAX_SOCKETS_PER_ADDRESS
+    if access is None or is_full:
+        await websocket.close(1013 if access else 1008, "too many connections" if access else "sign in first")
+        return
+    await websocket.accept()
+    sockets[address] += 1
+    reader = asyncio.create_task(_wait_for_end(websocket))
+    try:
+        await _send_changes(websocket, services, access, reader)
+    except (WebSocketDisconnect, RuntimeError):
+        pass  # the browser has gone
+    finally:
+        reader.cancel()
+        sockets[address] -= 1
+
+
+def _find_reader(connection: HTTPConnection, services: Services) -> Access | None:
+    """Return the access of the one who opens a socket, if it may read."""
+    key = connection.headers.get("x-api-key", "")
+    secret = connection.cookies.get(SESSION_COOKIE, "")
+    access = services.access.find_key(key) if key else services.access.find_session(secret)
+    return access if access and access.allows("read") else None
+
+
+async def _send_changes(
+    websocket: WebSocket, services: Services, access: Access, reader: asyncio.Task[None]
+) -> None:
+    """Send what changes, at most five times a second."""
+    feed: Feed = websocket.app.state.feed
+    position = FeedPosition()
+    while not reader.done():
+        if access.session and services.access.find_session_by_hash(access.session) is None:
+            await websocket.close(1008, "the session has ended")
+            return
+        messages, position = feed.list_messages(position)
+        for message in messages:
+            await websocket.send_text(message.decode())
+        await asyncio.sleep(_TICK)
+        await feed.wait(position, _PING)
+
+
+async def _wait_for_end(websocket: WebSocket) -> None:
+    """Read and ignore what a browser sends, until it leaves."""
+    while (await websocket.receive())["type"] != "websocket.disconnect":
+        pass
+
+
+async def _handle_problem(_: Request, error: Exception) -> Response:
+    """Answer a request that cannot be carried out."""
+    assert isinstance(error, ProblemError)
+    headers = {"www-authenticate": "Bearer"} if error.problem.status == 401 else None
+    return respond_with_problem(error.problem, headers)
+
+
+async def _handle_missing(_: Request, __: Exception) -> Response:
+    """Answer a request for something that does not exist."""
+    return respond_with_problem(Problem(404, "there is nothing at this address", "See /v1/openapi.json"))
+
+
+async def _handle_method(request: Request, _: Exception) -> Response:
+    """Answer a request with a method that an address does not have."""
+    return respond_with_problem(
+        Problem(405, f"this address has no method {request.method}", "See /v1/openapi.json")
+    )
+
+
+async def _handle_fault(_: Request, __: Exception) -> Response:
+    """Answer a request that failed because of a fault of the server."""
+    return respond_with_problem(Problem(500, "the server has a fault", "See what it printed, and report it"))

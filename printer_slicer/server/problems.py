@@ -1,0 +1,55 @@
+"""Errors of the web interface as problem details (RFC 9457), each with what helps."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from starlette.responses import Response
+
+from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.values import Struct
+
+__all__ = ["Problem", "ProblemError", "describe_error", "respond_with_problem"]
+
+
+class Problem(Struct, frozen=True):
+    """Why a request failed.
+
+    Attributes:
+        status: status code of HTTP.
+        title: what is wrong, without the first capital, for people.
+        remedy: what helps; empty if nothing is known.
+    """
+
+    status: int
+    title: str
+    remedy: str = ""
+
+
+class ProblemError(Exception):
+    """A request cannot be carried out."""
+
+    def __init__(self, status: int, title: str, remedy: str = "") -> None:
+        super().__init__(title)
+        self.problem = Problem(status, title, remedy)
+
+
+def describe_error(error: PrinterSlicerError, status: int = 422) -> Problem:
+    """Return an error of this project as a problem."""
+    return Problem(status, str(error.args[0]), error.remedy)
+
+
+def respond_with_problem(problem: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    """Return a response with a problem as JSON."""
+    body: dict[str, Any] = {
+        "status": problem.status,
+        "title": HTTPStatus(problem.status).phrase,
+        "detail": problem.title,
+    }
+    if problem.remedy:
+        body["remedy"] = problem.remedy
+    content = json.dumps(body).encode()
+    return Response(content, problem.status, headers, media_type="application/problem+json")
