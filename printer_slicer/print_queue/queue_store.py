@@ -140,6 +140,11 @@ class PrintQueue:
             raise UsageError(f"there is no file {file_id[:12]} in the queue", remedy="Add it")
         return QueuedFile(*rows[0])
 
+    def list_files(self, most: int = 1000) -> tuple[QueuedFile, ...]:
+        """Return the files that were added last, the newest first."""
+        statement = "SELECT id, name, size, added FROM file ORDER BY added DESC LIMIT ?"
+        return tuple(QueuedFile(*row) for row in self._database.read(statement, most))
+
     def read_facts(self, file_id: str) -> FileFacts | None:
         """Return what was read from a file; None if it has not been read yet."""
         rows = self._database.read("SELECT facts FROM file WHERE id = ?", file_id)

@@ -117,7 +117,8 @@ class AccessStore:
         wanted = frozenset(scopes)
         if not name.strip() or not wanted or wanted - SCOPES:
             raise UsageError(
-                "a key needs a name and scopes", remedy=f"Choose scopes among {', '.join(get_args(Permission))}"
+                "a key needs a name and scopes",
+                remedy=f"Choose scopes among {', '.join(get_args(Permission))}",
             )
         id_, secret = secrets.token_hex(4), secrets.token_urlsafe(32)
         key = ApiKey(id_, name.strip()[:80], wanted, printer, time(), None)

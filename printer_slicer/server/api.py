@@ -122,6 +122,10 @@ def _list_history(call: Call) -> tuple[QueuedJob, ...]:
     return call.services.queue.list_ended_jobs()
 
 
+def _list_files(call: Call) -> tuple[QueuedFile, ...]:
+    return call.services.queue.list_files()
+
+
 def _get_file(call: Call) -> tuple[QueuedFile, FileFacts]:
     file = call.services.queue.find_file(call.path["file"])
     return file, call.services.reader.read(file.id)
@@ -132,7 +136,13 @@ def _add_jobs(call: Call) -> tuple[QueuedJob, ...]:
     call.require("print", body.printer)
     call.services.reader.read(body.file)
     request = JobRequest(
-        body.name, body.printer or call.access.printer, body.material, body.allow, body.held, body.first, body.copies
+        body.name,
+        body.printer or call.access.printer,
+        body.material,
+        body.allow,
+        body.held,
+        body.first,
+        body.copies,
     )
     return call.services.queue.add_jobs(body.file, request)
 
@@ -218,15 +228,33 @@ _JOB: Final = "/v1/jobs/{job:int}"
 _PRINTER: Final = "/v1/printers/{printer}"
 
 OPERATIONS: Final = (
-    Operation("GET", "/v1/me", "read", "who sends this request, and what is allowed", _get_account, None, Account),
+    Operation(
+        "GET", "/v1/me", "read", "who sends this request, and what is allowed", _get_account, None, Account
+    ),
     Operation("DELETE", "/v1/session", "read", "sign out", _end_session),
     Operation("GET", "/v1/keys", "admin", "list the keys", _list_keys, None, tuple[ApiKey, ...]),
     Operation("POST", "/v1/keys", "admin", "create a key", _create_key, KeyBody, NewKey),
     Operation("DELETE", "/v1/keys/{key}", "admin", "delete a key and end its sessions", _delete_key),
-    Operation("GET", "/v1/queue", "read", "printers, waiting jobs and running prints", _get_queue, None, QueueSnapshot),
-    Operation("GET", "/v1/history", "read", "the last jobs that ended", _list_history, None, tuple[QueuedJob, ...]),
     Operation(
-        "GET", "/v1/files/{file}", "read", "what is known of a file", _get_file, None, tuple[QueuedFile, FileFacts]
+        "GET",
+        "/v1/queue",
+        "read",
+        "printers, waiting jobs and running prints",
+        _get_queue,
+        None,
+        QueueSnapshot,
+    ),
+    Operation(
+        "GET", "/v1/history", "read", "the last jobs that ended", _list_history, None, tuple[QueuedJob, ...]
+    ),
+    Operation(
+        "GET",
+        "/v1/files/{file}",
+        "read",
+        "what is known of a file",
+        _get_file,
+        None,
+        tuple[QueuedFile, FileFacts],
     ),
     Operation("POST", "/v1/jobs", "print", "add jobs for a file", _add_jobs, JobBody, tuple[QueuedJob, ...]),
     Operation("GET", _JOB, "read", "a job with its file and runs", _get_job, None, JobDetails),
@@ -234,13 +262,29 @@ OPERATIONS: Final = (
     Operation("PUT", f"{_JOB}/place", "print", "move a job in the queue", _move_job, MoveBody, QueueSnapshot),
     Operation("PUT", f"{_JOB}/hold", "print", "hold a job until it is released", _hold_job, None, QueuedJob),
     Operation("DELETE", f"{_JOB}/hold", "print", "release a job", _release_job, None, QueuedJob),
-    Operation("DELETE", _JOB, "print", "cancel a job, also while it is printed", _cancel_job, None, QueuedJob),
-    Operation("PUT", f"{_PRINTER}/bed", "control", "declare the state of a bed", _set_bed, BedBody, QueueSnapshot),
     Operation(
-        "PUT", f"{_PRINTER}/material", "control", "name the loaded material", _set_material, MaterialBody, QueueSnapshot
+        "DELETE", _JOB, "print", "cancel a job, also while it is printed", _cancel_job, None, QueuedJob
     ),
     Operation(
-        "POST", f"{_PRINTER}/command", "control", "send a command to the print", _command_print, CommandBody, None
+        "PUT", f"{_PRINTER}/bed", "control", "declare the state of a bed", _set_bed, BedBody, QueueSnapshot
+    ),
+    Operation(
+        "PUT",
+        f"{_PRINTER}/material",
+        "control",
+        "name the loaded material",
+        _set_material,
+        MaterialBody,
+        QueueSnapshot,
+    ),
+    Operation(
+        "POST",
+        f"{_PRINTER}/command",
+        "control",
+        "send a command to the print",
+        _command_print,
+        CommandBody,
+        None,
     ),
 )
 """All operations with a method, a path and a permission."""

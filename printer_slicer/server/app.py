@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any, Final
+from typing import Final
 
-import anyio
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -18,22 +17,21 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.print_queue import QueuedFile
 from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS
 from printer_slicer.server.feed import Feed, FeedPosition
 from printer_slicer.server.guard import RequestGuard
+from printer_slicer.server.octoprint import OCTOPRINT_ROUTES
 from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_access, run_operation
-from printer_slicer.server.problems import Problem, ProblemError, describe_error, respond_with_problem
+from printer_slicer.server.problems import Problem, ProblemError, respond_with_problem
+from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
 from printer_slicer.server.uploads import FormReader
 
-__all__ = ["make_app", "receive_upload"]
+__all__ = ["make_app"]
 
-_MAX_UPLOAD: Final = 512 * 1024 * 1024
-_SILENCE: Final = 30.0  # s without a byte, after which an upload is ended
 _MAX_SOCKETS: Final = 50
 _MAX_SOCKETS_PER_ADDRESS: Final = 20
 _TICK: Final = 0.2  # s between messages to one browser
@@ -57,6 +55,7 @@ def make_app(services: Services) -> Starlette:
         Route("/v1/openapi.json", _describe_interface),
         Route("/sign-in", _open_link),
         WebSocketRoute("/v1/feed", _serve_feed),
+        *OCTOPRINT_ROUTES,
     ]
     app = Starlette(
         routes=routes,
@@ -82,45 +81,6 @@ def _make_route(operation: Operation) -> Route:
     return Route(operation.path, answer, methods=[operation.method], name=operation.summary)
 
 
-async def receive_upload(
-    request: Request, store: Callable[[FormReader, Access], Any], access: Access, *, most: int = _MAX_UPLOAD
-) -> Any:
-    """Run a function in a thread that reads a form while it arrives, and return its result.
-
-    Raises:
-        ProblemError: the upload is too large, is no form, or stops.
-    """
-    announced = request.headers.get("content-length", "0")
-    too_large = ProblemError(
-        413, f"the upload is larger than {most >> 20} MB", "Slice it with fewer details, or split it"
-    )
-    if not announced.isdecimal() or int(announced) > most:
-        raise too_large
-    chunks, received = request.stream().__aiter__(), 0
-
-    async def receive() -> bytes:
-        nonlocal received
-        try:
-            with anyio.fail_after(_SILENCE):
-                chunk: bytes = await anext(chunks, b"")
-        except TimeoutError:
-            raise ProblemError(408, f"nothing arrived for {_SILENCE:g} s", "Send the file again") from None
-        received += len(chunk)
-        if received > most:
-            raise too_large
-        return chunk
-
-    def work() -> Any:
-        form = FormReader(request.headers.get("content-type", ""), lambda: anyio.from_thread.run(receive))
-        return store(form, access)
-
-    try:
-        return await run_in_threadpool(work)
-    except PrinterSlicerError as error:
-        problem = describe_error(error)
-        raise ProblemError(problem.status, problem.title, problem.remedy) from None
-
-
 async def _upload_file(request: Request) -> Response:
     """Store a file of G-code, and answer with what is known of it."""
     services: Services = request.app.state.services
@@ -128,10 +88,10 @@ async def _upload_file(request: Request) -> Response:
     if not access.allows("upload"):
         raise ProblemError(403, "this key does not allow upload", "Use a key with this permission")
 
-    def store(form: FormReader, _: Access) -> QueuedFile:
+    def store(form: FormReader) -> QueuedFile:
         return services.queue.add_file(form.find_file(), form.read_file())
 
-    file = await receive_upload(request, store, access)
+    file = await receive_upload(request, store)
     facts = await run_in_threadpool(services.reader.read, file.id)
     return Response(msgspec.json.encode((file, facts)), 201, media_type="application/json")
 

@@ -65,7 +65,12 @@ class _WatchedRun:
         key = (self.version, last_line)
         if key not in self.encoded:
             lines = [line for line in self.console if line[0] > last_line]
-            message = {"kind": "print", "run": self.run.id, "printer": self.run.printer, "status": self.status}
+            message = {
+                "kind": "print",
+                "run": self.run.id,
+                "printer": self.run.printer,
+                "status": self.status,
+            }
             self.encoded = {key: json.dumps(message | {"console": lines}).encode()}
         return self.encoded[key]
 

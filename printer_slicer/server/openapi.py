@@ -38,7 +38,10 @@ def describe_interface(operations: Sequence[Operation]) -> dict[str, Any]:
 
 def _describe_operation(one: Operation, path: str, schema_of: dict[int, dict[str, Any]]) -> dict[str, Any]:
     """Return the description of an operation."""
-    described: dict[str, Any] = {"summary": one.summary, "description": f"Needs the permission {one.permission}."}
+    described: dict[str, Any] = {
+        "summary": one.summary,
+        "description": f"Needs the permission {one.permission}.",
+    }
     names = re.findall(r"{(\w+)}", path)
     if names:
         described["parameters"] = [

@@ -22,9 +22,7 @@ class Services:
         job_store: folder with one folder for each print, where its control socket is.
     """
 
-    def __init__(
-        self, queue: PrintQueue, access: AccessStore, guard: GuardSettings, job_store: Path
-    ) -> None:
+    def __init__(self, queue: PrintQueue, access: AccessStore, guard: GuardSettings, job_store: Path) -> None:
         self.queue, self.access, self.guard, self.job_store = queue, access, guard, job_store
         self.reader = FileReader(queue)
 

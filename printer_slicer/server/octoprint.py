@@ -1,0 +1,375 @@
+"""The interface of OctoPrint, as far as slicers and phone apps use it, for each printer under `/printers/NAME/api`.
+
+With a key for one printer, or with a single printer, the same interface is at `/api`. A file that arrives with
+`print=true` becomes a job of the queue for this printer. It starts at once if the printer is idle and its bed was
+declared clear; otherwise it waits, and the queue tells why.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+from urllib.parse import quote
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import BaseRoute, Route
+
+from printer_slicer import __version__
+from printer_slicer.print_queue import JobRequest, PrinterState, PrintQueue, QueuedFile
+from printer_slicer.server.access import Access
+from printer_slicer.server.operations import Call, find_access
+from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.receiving import receive_upload
+from printer_slicer.server.services import Services
+from printer_slicer.server.uploads import FormReader
+from printer_slicer.values import Struct
+
+__all__ = ["OCTOPRINT_ROUTES"]
+
+_TRUE: Final = frozenset({"true", "1", "yes", "y", "on"})
+_VERSION: Final = "1.11.0"  # of the interface that is imitated
+_COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
+
+
+class _Target(Struct, frozen=True):
+    """A request for a printer: who sent it, and the state of the printer."""
+
+    services: Services
+    access: Access
+    printer: PrinterState
+    status: dict[str, Any]
+
+    @property
+    def call(self) -> Call:
+        """The request without parameters."""
+        return Call(self.services, self.access, {}, {})
+
+
+def _find_target(request: Request) -> _Target:
+    """Return the printer of a request.
+
+    Raises:
+        ProblemError: it has no key, there is no such printer, or the printer is not named although there are several.
+    """
+    services: Services = request.app.state.services
+    access = find_access(request, services)
+    printers = {one.name: one for one in services.queue.snapshot().printers}
+    name = request.path_params.get("printer") or access.printer
+    name = name or (next(iter(printers)) if len(printers) == 1 else "")
+    if not name:
+        names = ", ".join(printers) or "none"
+        raise ProblemError(
+            404, f"name the printer: {names}", "Use the address .../printers/NAME in the slicer"
+        )
+    if name not in printers:
+        raise ProblemError(404, f"there is no printer {name}", f"Use one of: {', '.join(printers)}")
+    if not access.allows("read", name):
+        raise ProblemError(403, f"this key is not for printer {name}", "Use the key of this printer")
+    return _Target(services, access, printers[name], request.app.state.feed.find_status(name))
+
+
+async def _get_version(request: Request) -> Response:
+    """Answer with the version of the interface."""
+    await run_in_threadpool(find_access, request, request.app.state.services)
+    text = f"OctoPrint {_VERSION} (printer-slicer {__version__})"
+    return JSONResponse({"api": "0.1", "server": _VERSION, "text": text})
+
+
+async def _get_server(request: Request) -> Response:
+    """Answer that the server is well."""
+    await run_in_threadpool(find_access, request, request.app.state.services)
+    return JSONResponse({"version": _VERSION, "safemode": None})
+
+
+async def _get_settings(request: Request) -> Response:
+    """Answer with the few settings that programs look for."""
+    await run_in_threadpool(_find_target, request)
+    return JSONResponse(
+        {
+            "api": {"enabled": True},
+            "appearance": {"name": "printer-slicer"},
+            "feature": {"sdSupport": False},
+            "plugins": {},
+            "webcam": {"webcamEnabled": False, "streamUrl": "", "snapshotUrl": ""},
+        }
+    )
+
+
+async def _log_in(request: Request) -> Response:
+    """Answer who the sender of the key is."""
+    target = await run_in_threadpool(_find_target, request)
+    admin = target.access.allows("admin")
+    return JSONResponse(
+        {
+            "name": target.access.name,
+            "active": True,
+            "admin": admin,
+            "user": True,
+            "groups": [],
+            "session": "",
+        }
+    )
+
+
+async def _get_profiles(request: Request) -> Response:
+    """Answer with the printer as the only profile."""
+    target = await run_in_threadpool(_find_target, request)
+    name = target.printer.name
+    profile = {"id": "_default", "name": name, "current": True, "default": True, "model": name}
+    return JSONResponse({"profiles": {"_default": profile}})
+
+
+async def _get_connection(request: Request) -> Response:
+    """Answer that the printer is connected; the queue opens its port for each print."""
+    target = await run_in_threadpool(_find_target, request)
+    current = {
+        "state": _describe_state(target)["text"],
+        "port": "",
+        "baudrate": None,
+        "printerProfile": "_default",
+    }
+    return JSONResponse(
+        {"current": current, "options": {"ports": [], "baudrates": [], "printerProfiles": []}}
+    )
+
+
+def _describe_state(target: _Target) -> dict[str, Any]:
+    """Return the state of the printer in OctoPrint's words."""
+    state = str(target.status.get("state", ""))
+    paused, printing = state == "paused", target.printer.job is not None
+    text = "Paused" if paused else "Printing" if printing else "Operational"
+    flags = {
+        "operational": True,
+        "printing": printing and not paused,
+        "paused": paused,
+        "pausing": state == "parking",
+        "resuming": False,
+        "cancelling": state in {"cancelling", "stopping"},
+        "finishing": False,
+        "sdReady": False,
+        "error": False,
+        "ready": not printing,
+        "closedOrError": False,
+    }
+    return {"text": text, "flags": flags}
+
+
+async def _get_printer(request: Request) -> Response:
+    """Answer with state and temperatures."""
+    target = await run_in_threadpool(_find_target, request)
+    temperatures = {
+        name: {"actual": actual, "target": wanted, "offset": 0}
+        for name, actual, wanted in _list_temperatures(target.status)
+    }
+    return JSONResponse(
+        {"temperature": temperatures, "sd": {"ready": False}, "state": _describe_state(target)}
+    )
+
+
+def _list_temperatures(status: dict[str, Any]) -> list[tuple[str, float, float]]:
+    """Return name, temperature and target of the heaters that a print knows."""
+    found = []
+    for name, (actual, wanted) in status.get("temperatures", {}).items():
+        tool = name[1:] or "0"
+        shown = "bed" if name == "B" else f"tool{tool}" if name[:1] == "T" and tool.isdecimal() else ""
+        if shown and actual is not None:
+            found.append((shown, float(actual), float(wanted or 0)))
+    return found
+
+
+async def _get_job(request: Request) -> Response:
+    """Answer with the job that is printed, and how far it is."""
+    return JSONResponse(await run_in_threadpool(lambda: _describe_job(_find_target(request))))
+
+
+def _describe_job(target: _Target) -> dict[str, Any]:
+    """Return the job of a printer in OctoPrint's words."""
+    queue, status = target.services.queue, target.status
+    name = size = seconds = None
+    if target.printer.job is not None:
+        job = queue.find_job(target.printer.job)
+        facts = queue.read_facts(job.file)
+        name, size = job.name, queue.find_file(job.file).size
+        seconds = facts.seconds if facts else None
+    done, total = status.get("done"), status.get("total")
+    return {
+        "job": {
+            "file": {
+                "name": name,
+                "path": name,
+                "display": name,
+                "size": size,
+                "origin": "local",
+                "date": None,
+            },
+            "estimatedPrintTime": seconds,
+            "filament": None,
+        },
+        "progress": {
+            "completion": round(100 * done / total, 2) if done is not None and total else None,
+            "filepos": None,
+            "printTime": None,
+            "printTimeLeft": None,
+        },
+        "state": _describe_state(target)["text"],
+    }
+
+
+async def _command_job(request: Request) -> Response:
+    """Pause, continue or cancel the print."""
+    body = await _read_command(request)
+    await run_in_threadpool(_change_print, request, body)
+    return Response(status_code=204)
+
+
+def _change_print(request: Request, body: dict[str, Any]) -> None:
+    """Carry out a command about the print."""
+    from printer_slicer.server.api import send_to_print  # noqa: PLC0415 - it lists all operations
+
+    target = _find_target(request)
+    target.call.require("control", target.printer.name)
+    command, action = str(body.get("command", "")), str(body.get("action") or "toggle")
+    if command == "pause" and (
+        action == "resume" or (action == "toggle" and _describe_state(target)["flags"]["paused"])
+    ):
+        command = "resume"
+    if command not in _COMMANDS:
+        raise ProblemError(
+            409,
+            f"command {command[:40]!r} is not possible here",
+            "Start jobs in the queue; see printer-slicer queue",
+        )
+    if command == "cancel" and target.printer.job is not None:
+        target.services.queue.cancel_job(target.printer.job)
+        return
+    send_to_print(target.call, target.printer.name, _COMMANDS[command])
+
+
+async def _read_command(request: Request) -> dict[str, Any]:
+    """Return the body of a command.
+
+    Raises:
+        ProblemError: it is no JSON object, or too large.
+    """
+    size = request.headers.get("content-length", "")
+    try:
+        body = await request.json() if size.isdecimal() and int(size) < 4096 else None
+    except ValueError:
+        body = None
+    if not isinstance(body, dict):
+        raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON')
+    return body
+
+
+async def _upload(request: Request) -> Response:
+    """Store a file, and queue a job for it if the form says `print=true`."""
+    target = await run_in_threadpool(_find_target, request)
+    target.call.require("upload")
+
+    def store(form: FormReader) -> tuple[QueuedFile, dict[str, str]]:
+        name = form.find_file()
+        _check_kind(name)
+        return target.services.queue.add_file(name, form.read_file()), form.fields
+
+    file, fields = await receive_upload(request, store)
+    wants_print = fields.get("print", "").strip().lower() in _TRUE
+    if wants_print:
+        target.call.require("print", target.printer.name)
+        await run_in_threadpool(_queue_job, target, file)
+    return _answer_upload(request, file, wants_print=wants_print)
+
+
+def _check_kind(name: str) -> None:
+    """Check that a file has a name of G-code.
+
+    Raises:
+        ProblemError: it has another one.
+    """
+    if not name.lower().endswith((".gcode", ".gco", ".g", ".gc")):
+        remedy = "Let the slicer write plain G-code, for example without binary G-code or UFP"
+        raise ProblemError(
+            415, "only plain G-code can be uploaded here, with a name such as part.gcode", remedy
+        )
+
+
+def _queue_job(target: _Target, file: QueuedFile) -> None:
+    """Add a job for a file that was uploaded."""
+    facts = target.services.reader.read(file.id)
+    if facts.problem:
+        raise ProblemError(415, facts.problem, "Upload another file")
+    target.services.queue.add_jobs(file.id, JobRequest(printer=target.printer.name))
+
+
+def _answer_upload(request: Request, file: QueuedFile, *, wants_print: bool) -> Response:
+    """Return OctoPrint's answer to an upload; the job waits in the queue, so nothing is printed yet."""
+    prefix = request.url.path.rsplit("/api/", 1)[0]
+    path = f"{prefix}/api/files/local/{quote(file.name)}"
+    address = str(request.base_url).rstrip("/") + path
+    refs = {"resource": address, "download": address}
+    local = {"name": file.name, "path": file.name, "display": file.name, "origin": "local", "refs": refs}
+    body = {"files": {"local": local}, "done": True, "effectiveSelect": False, "effectivePrint": False}
+    if wants_print:
+        body["message"] = "queued: it starts when the printer is idle and its bed was declared clear"
+    return JSONResponse(body, 201, {"location": address})
+
+
+async def _list_files(request: Request) -> Response:
+    """Answer with no files: the queue has jobs, and the page lists files."""
+    await run_in_threadpool(_find_target, request)
+    return JSONResponse({"files": [], "free": None, "total": None})
+
+
+async def _command_file(request: Request) -> Response:
+    """Queue a job for a file that was uploaded under this name."""
+    body = await _read_command(request)
+    await run_in_threadpool(_start_file, request, body)
+    return Response(status_code=204)
+
+
+def _start_file(request: Request, body: dict[str, Any]) -> None:
+    """Queue a job for the newest file with the name in the path."""
+    target = _find_target(request)
+    target.call.require("print", target.printer.name)
+    if body.get("command") != "select":
+        raise ProblemError(400, "only the command select is possible", "Upload the file again to print it")
+    file = _find_newest(target.services.queue, str(request.path_params["path"]))
+    if body.get("print") is True:
+        _queue_job(target, file)
+
+
+def _find_newest(queue: PrintQueue, name: str) -> QueuedFile:
+    """Return the newest file with a name.
+
+    Raises:
+        ProblemError: there is none.
+    """
+    found = [file for file in queue.list_files() if file.name == name.rsplit("/", 1)[-1]]
+    if not found:
+        raise ProblemError(404, "there is no file with this name", "Upload it")
+    return max(found, key=lambda file: file.added)
+
+
+def _make_routes(prefix: str) -> list[BaseRoute]:
+    """Return all routes below a prefix."""
+    table = (
+        ("version", _get_version, "GET"),
+        ("server", _get_server, "GET"),
+        ("settings", _get_settings, "GET"),
+        ("login", _log_in, "POST"),
+        ("currentuser", _log_in, "GET"),
+        ("printerprofiles", _get_profiles, "GET"),
+        ("connection", _get_connection, "GET"),
+        ("printer", _get_printer, "GET"),
+        ("job", _get_job, "GET"),
+        ("job", _command_job, "POST"),
+        ("files", _list_files, "GET"),
+        ("files/local", _list_files, "GET"),
+        ("files/local", _upload, "POST"),
+        ("files/local/{path:path}", _command_file, "POST"),
+    )
+    return [Route(f"{prefix}/api/{path}", run, methods=[method]) for path, run, method in table]
+
+
+OCTOPRINT_ROUTES: Final = (*_make_routes(""), *_make_routes("/printers/{printer}"))
+"""The routes of the interface, for one printer and for each of several."""
