@@ -39,6 +39,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "profiles": "list, show, compare, create and import profiles",
     "send": "upload G-code to a printer on the network",
     "queue": "queue G-code for one or several printers",
+    "serve": "serve a web page, the queue, and uploads from slicers",
     "control": "control a running print (pause, cancel, speed, ...)",
     "resume": "resume an interrupted print",
     "ports": "list the serial ports",

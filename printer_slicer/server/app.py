@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Final
 
-import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -22,6 +21,7 @@ from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS
 from printer_slicer.server.feed import Feed, FeedPosition
 from printer_slicer.server.guard import RequestGuard
+from printer_slicer.server.json_values import decode_json, encode_json
 from printer_slicer.server.octoprint import OCTOPRINT_ROUTES
 from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_access, run_operation
@@ -93,15 +93,15 @@ async def _upload_file(request: Request) -> Response:
 
     file = await receive_upload(request, store)
     facts = await run_in_threadpool(services.reader.read, file.id)
-    return Response(msgspec.json.encode((file, facts)), 201, media_type="application/json")
+    return Response(encode_json((file, facts)), 201, media_type="application/json")
 
 
 async def _sign_in(request: Request) -> Response:
     """Begin a session with a key."""
     body = await request.body() if int(request.headers.get("content-length", "0") or 0) < 1024 else b""
     try:
-        text = str(msgspec.json.decode(body, type=dict[str, str])["key"])
-    except (msgspec.DecodeError, KeyError):
+        text = str(decode_json(body, dict[str, str])["key"])
+    except (ValueError, KeyError):
         raise ProblemError(400, "the body has no key", 'Send {"key": "..."}') from None
     return await _begin_session(request, text, Response(status_code=204))
 
@@ -126,7 +126,7 @@ async def _begin_session(request: Request, text: str, response: Response) -> Res
 
 async def _describe_interface(_: Request) -> Response:
     """Answer with the description of the interface."""
-    return Response(msgspec.json.encode(describe_interface(OPERATIONS)), media_type="application/json")
+    return Response(encode_json(describe_interface(OPERATIONS)), media_type="application/json")
 
 
 async def _serve_feed(websocket: WebSocket) -> None:

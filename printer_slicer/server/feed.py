@@ -15,18 +15,17 @@ from threading import Event as Flag
 from threading import Lock, Thread
 from typing import Any, Final
 
-import msgspec
-
 from printer_slicer.errors import PortError, PrinterSlicerError
 from printer_slicer.print_queue import PrintRun
 from printer_slicer.printing.control_socket import connect_to_print
+from printer_slicer.server.json_values import encode_json
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct, field
 
 __all__ = ["Feed", "FeedPosition"]
 
 _CONSOLE_LINES: Final = 500
-_QUEUE_TIMEOUT: Final = 2.0  # s, after which the watcher of the queue looks whether the server stops
+_QUEUE_TIMEOUT: Final = 0.5  # s, after which the watcher of the queue looks whether the server stops
 _PRINT_TIMEOUT: Final = 30.0  # s without any message, after which a print is connected again
 _RETRY: Final = 1.0  # s
 
@@ -100,6 +99,7 @@ class Feed:
             watched = list(self._runs.values())
         for one in watched:
             _disconnect(one)
+        self._thread.join()
 
     def find_status(self, printer: str) -> dict[str, Any]:
         """Return the newest status of the print on a printer; empty if nothing is printed or it is not known yet."""
@@ -147,7 +147,7 @@ class Feed:
             with suppress(PrinterSlicerError):  # printers.toml is invalid at the moment; queue list says so
                 snapshot = self._services.queue.snapshot()
                 revision = snapshot.revision
-                encoded = b'{"kind":"queue","queue":' + msgspec.json.encode(snapshot) + b"}"
+                encoded = b'{"kind":"queue","queue":' + encode_json(snapshot) + b"}"
                 self._follow(snapshot.runs, revision, encoded)
             self._services.queue.wait_for_change(revision, _QUEUE_TIMEOUT)
 

@@ -6,9 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import msgspec
-
 from printer_slicer import __version__
+from printer_slicer.server.json_values import describe_types
 from printer_slicer.server.operations import Operation
 
 __all__ = ["describe_interface"]
@@ -17,7 +16,7 @@ __all__ = ["describe_interface"]
 def describe_interface(operations: Sequence[Operation]) -> dict[str, Any]:
     """Return the description of operations, ready for JSON."""
     kinds = [kind for one in operations for kind in (one.body, one.result) if kind is not None]
-    schemas, components = msgspec.json.schema_components(kinds, ref_template="#/components/schemas/{name}")
+    schemas, components = describe_types(kinds)
     schema_of = dict(zip(map(id, kinds), schemas, strict=True))
     paths: dict[str, dict[str, Any]] = {}
     for one in operations:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import msgspec
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
@@ -13,6 +12,7 @@ from starlette.responses import Response
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.server.access import Access, Permission
 from printer_slicer.server.guard import check_same_origin
+from printer_slicer.server.json_values import decode_json, encode_json
 from printer_slicer.server.problems import Problem, ProblemError, describe_error
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
@@ -116,7 +116,7 @@ async def run_operation(operation: Operation, request: Request) -> Response:
     if result is None:
         return Response(status_code=204)
     status = 201 if operation.method == "POST" and operation.result is not None else 200
-    return Response(msgspec.json.encode(result), status, media_type="application/json")
+    return Response(encode_json(result), status, media_type="application/json")
 
 
 def _make_problem_error(problem: Problem) -> ProblemError:
@@ -136,6 +136,6 @@ async def _read_body(request: Request, kind: type) -> Any:
         if len(body) > _MAX_BODY:
             raise ProblemError(413, f"the body is larger than {_MAX_BODY // 1024} kB", "Send less")
     try:
-        return msgspec.json.decode(body or b"{}", type=kind)
-    except msgspec.DecodeError as error:
+        return decode_json(body or b"{}", kind)
+    except ValueError as error:
         raise ProblemError(400, f"the body is not valid: {error}", "See /v1/openapi.json") from None
