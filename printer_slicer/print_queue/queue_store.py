@@ -111,7 +111,7 @@ class PrintQueue:
     # Files.
 
     def add_file(self, name: str, pieces: Iterable[bytes]) -> QueuedFile:
-        """Store a file that arrives in pieces; the same content is stored once.
+        """Store a file that arrives in pieces; the same content is stored once, with its last name.
 
         Args:
             name: name of the file; folders in it are ignored.
@@ -124,7 +124,8 @@ class PrintQueue:
         stored = self.files.add(pieces)
         with self._database.transaction() as connection:
             connection.execute(
-                "INSERT INTO file (id, name, size, added) VALUES (?, ?, ?, ?) ON CONFLICT (id) DO NOTHING",
+                "INSERT INTO file (id, name, size, added) VALUES (?, ?, ?, ?) "
+                "ON CONFLICT (id) DO UPDATE SET name = excluded.name, added = excluded.added",
                 (stored.id, clean_name(name), stored.size, time()),
             )
         return self.find_file(stored.id)

@@ -55,7 +55,7 @@ class QueuedFile(Struct, frozen=True):
 
     Attributes:
         id: SHA-256 of the content, hexadecimal.
-        name: name under which it was added first, without folder.
+        name: name under which it was added last, without folder.
         size: bytes.
         added: time of the upload, s since 1970.
     """

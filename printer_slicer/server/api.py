@@ -249,6 +249,15 @@ OPERATIONS: Final = (
     ),
     Operation(
         "GET",
+        "/v1/files",
+        "read",
+        "the files that were added last",
+        _list_files,
+        None,
+        tuple[QueuedFile, ...],
+    ),
+    Operation(
+        "GET",
         "/v1/files/{file}",
         "read",
         "what is known of a file",

@@ -22,6 +22,7 @@ from printer_slicer.server.api import OPERATIONS
 from printer_slicer.server.feed import Feed, FeedPosition
 from printer_slicer.server.guard import RequestGuard
 from printer_slicer.server.json_values import decode_json, encode_json
+from printer_slicer.server.moonraker import MOONRAKER_ROUTES
 from printer_slicer.server.octoprint import OCTOPRINT_ROUTES
 from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_access, run_operation
@@ -56,6 +57,7 @@ def make_app(services: Services) -> Starlette:
         Route("/sign-in", _open_link),
         WebSocketRoute("/v1/feed", _serve_feed),
         *OCTOPRINT_ROUTES,
+        *MOONRAKER_ROUTES,
     ]
     app = Starlette(
         routes=routes,

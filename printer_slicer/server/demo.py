@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from time import monotonic, sleep
+from threading import Event
+from time import monotonic
 from typing import Final
 
 import numpy as np
@@ -52,12 +53,12 @@ def open_demo_queue(folder: Path) -> PrintQueue:
 def end_demo_prints(queue: PrintQueue) -> None:
     """Cancel all prints, and wait for their end, at most ten seconds."""
     with lock_queue(queue):
-        supervisor, end = Supervisor(queue), monotonic() + _ENDING
+        supervisor, end, pause = Supervisor(queue), monotonic() + _ENDING, Event()
         for run in queue.list_active_runs():
             queue.cancel_job(run.job)
         while queue.list_active_runs() and monotonic() < end:
             supervisor.step()
-            sleep(_PAUSE)
+            pause.wait(_PAUSE)
 
 
 def _make_wavy_cup(name: str, radius: float, height: float) -> Mesh:

@@ -16,57 +16,15 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from printer_slicer import __version__
-from printer_slicer.print_queue import JobRequest, PrinterState, PrintQueue, QueuedFile
-from printer_slicer.server.access import Access
-from printer_slicer.server.operations import Call, find_access
+from printer_slicer.print_queue import PrintQueue, QueuedFile
+from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
-from printer_slicer.server.receiving import receive_upload
-from printer_slicer.server.services import Services
-from printer_slicer.server.uploads import FormReader
-from printer_slicer.values import Struct
+from printer_slicer.server.targets import QUEUED, Target, find_target, queue_job, receive_file
 
 __all__ = ["OCTOPRINT_ROUTES"]
 
-_TRUE: Final = frozenset({"true", "1", "yes", "y", "on"})
 _VERSION: Final = "1.11.0"  # of the interface that is imitated
 _COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
-
-
-class _Target(Struct, frozen=True):
-    """A request for a printer: who sent it, and the state of the printer."""
-
-    services: Services
-    access: Access
-    printer: PrinterState
-    status: dict[str, Any]
-
-    @property
-    def call(self) -> Call:
-        """The request without parameters."""
-        return Call(self.services, self.access, {}, {})
-
-
-def _find_target(request: Request) -> _Target:
-    """Return the printer of a request.
-
-    Raises:
-        ProblemError: it has no key, there is no such printer, or the printer is not named although there are several.
-    """
-    services: Services = request.app.state.services
-    access = find_access(request, services)
-    printers = {one.name: one for one in services.queue.snapshot().printers}
-    name = request.path_params.get("printer") or access.printer
-    name = name or (next(iter(printers)) if len(printers) == 1 else "")
-    if not name:
-        names = ", ".join(printers) or "none"
-        raise ProblemError(
-            404, f"name the printer: {names}", "Use the address .../printers/NAME in the slicer"
-        )
-    if name not in printers:
-        raise ProblemError(404, f"there is no printer {name}", f"Use one of: {', '.join(printers)}")
-    if not access.allows("read", name):
-        raise ProblemError(403, f"this key is not for printer {name}", "Use the key of this printer")
-    return _Target(services, access, printers[name], request.app.state.feed.find_status(name))
 
 
 async def _get_version(request: Request) -> Response:
@@ -84,7 +42,7 @@ async def _get_server(request: Request) -> Response:
 
 async def _get_settings(request: Request) -> Response:
     """Answer with the few settings that programs look for."""
-    await run_in_threadpool(_find_target, request)
+    await run_in_threadpool(find_target, request)
     return JSONResponse(
         {
             "api": {"enabled": True},
@@ -98,7 +56,7 @@ async def _get_settings(request: Request) -> Response:
 
 async def _log_in(request: Request) -> Response:
     """Answer who the sender of the key is."""
-    target = await run_in_threadpool(_find_target, request)
+    target = await run_in_threadpool(find_target, request)
     admin = target.access.allows("admin")
     return JSONResponse(
         {
@@ -114,7 +72,7 @@ async def _log_in(request: Request) -> Response:
 
 async def _get_profiles(request: Request) -> Response:
     """Answer with the printer as the only profile."""
-    target = await run_in_threadpool(_find_target, request)
+    target = await run_in_threadpool(find_target, request)
     name = target.printer.name
     profile = {"id": "_default", "name": name, "current": True, "default": True, "model": name}
     return JSONResponse({"profiles": {"_default": profile}})
@@ -122,7 +80,7 @@ async def _get_profiles(request: Request) -> Response:
 
 async def _get_connection(request: Request) -> Response:
     """Answer that the printer is connected; the queue opens its port for each print."""
-    target = await run_in_threadpool(_find_target, request)
+    target = await run_in_threadpool(find_target, request)
     current = {
         "state": _describe_state(target)["text"],
         "port": "",
@@ -134,7 +92,7 @@ async def _get_connection(request: Request) -> Response:
     )
 
 
-def _describe_state(target: _Target) -> dict[str, Any]:
+def _describe_state(target: Target) -> dict[str, Any]:
     """Return the state of the printer in OctoPrint's words."""
     state = str(target.status.get("state", ""))
     paused, printing = state == "paused", target.printer.job is not None
@@ -157,7 +115,7 @@ def _describe_state(target: _Target) -> dict[str, Any]:
 
 async def _get_printer(request: Request) -> Response:
     """Answer with state and temperatures."""
-    target = await run_in_threadpool(_find_target, request)
+    target = await run_in_threadpool(find_target, request)
     temperatures = {
         name: {"actual": actual, "target": wanted, "offset": 0}
         for name, actual, wanted in _list_temperatures(target.status)
@@ -180,10 +138,10 @@ def _list_temperatures(status: dict[str, Any]) -> list[tuple[str, float, float]]
 
 async def _get_job(request: Request) -> Response:
     """Answer with the job that is printed, and how far it is."""
-    return JSONResponse(await run_in_threadpool(lambda: _describe_job(_find_target(request))))
+    return JSONResponse(await run_in_threadpool(lambda: _describe_job(find_target(request))))
 
 
-def _describe_job(target: _Target) -> dict[str, Any]:
+def _describe_job(target: Target) -> dict[str, Any]:
     """Return the job of a printer in OctoPrint's words."""
     queue, status = target.services.queue, target.status
     name = size = seconds = None
@@ -227,7 +185,7 @@ def _change_print(request: Request, body: dict[str, Any]) -> None:
     """Carry out a command about the print."""
     from printer_slicer.server.api import send_to_print  # noqa: PLC0415 - it lists all operations
 
-    target = _find_target(request)
+    target = find_target(request)
     target.call.require("control", target.printer.name)
     command, action = str(body.get("command", "")), str(body.get("action") or "toggle")
     if command == "pause" and (
@@ -264,41 +222,9 @@ async def _read_command(request: Request) -> dict[str, Any]:
 
 async def _upload(request: Request) -> Response:
     """Store a file, and queue a job for it if the form says `print=true`."""
-    target = await run_in_threadpool(_find_target, request)
-    target.call.require("upload")
-
-    def store(form: FormReader) -> tuple[QueuedFile, dict[str, str]]:
-        name = form.find_file()
-        _check_kind(name)
-        return target.services.queue.add_file(name, form.read_file()), form.fields
-
-    file, fields = await receive_upload(request, store)
-    wants_print = fields.get("print", "").strip().lower() in _TRUE
-    if wants_print:
-        target.call.require("print", target.printer.name)
-        await run_in_threadpool(_queue_job, target, file)
+    target = await run_in_threadpool(find_target, request)
+    file, wants_print = await receive_file(request, target)
     return _answer_upload(request, file, wants_print=wants_print)
-
-
-def _check_kind(name: str) -> None:
-    """Check that a file has a name of G-code.
-
-    Raises:
-        ProblemError: it has another one.
-    """
-    if not name.lower().endswith((".gcode", ".gco", ".g", ".gc")):
-        remedy = "Let the slicer write plain G-code, for example without binary G-code or UFP"
-        raise ProblemError(
-            415, "only plain G-code can be uploaded here, with a name such as part.gcode", remedy
-        )
-
-
-def _queue_job(target: _Target, file: QueuedFile) -> None:
-    """Add a job for a file that was uploaded."""
-    facts = target.services.reader.read(file.id)
-    if facts.problem:
-        raise ProblemError(415, facts.problem, "Upload another file")
-    target.services.queue.add_jobs(file.id, JobRequest(printer=target.printer.name))
 
 
 def _answer_upload(request: Request, file: QueuedFile, *, wants_print: bool) -> Response:
@@ -310,13 +236,13 @@ def _answer_upload(request: Request, file: QueuedFile, *, wants_print: bool) -> 
     local = {"name": file.name, "path": file.name, "display": file.name, "origin": "local", "refs": refs}
     body = {"files": {"local": local}, "done": True, "effectiveSelect": False, "effectivePrint": False}
     if wants_print:
-        body["message"] = "queued: it starts when the printer is idle and its bed was declared clear"
+        body["message"] = QUEUED
     return JSONResponse(body, 201, {"location": address})
 
 
 async def _list_files(request: Request) -> Response:
     """Answer with no files: the queue has jobs, and the page lists files."""
-    await run_in_threadpool(_find_target, request)
+    await run_in_threadpool(find_target, request)
     return JSONResponse({"files": [], "free": None, "total": None})
 
 
@@ -329,13 +255,13 @@ async def _command_file(request: Request) -> Response:
 
 def _start_file(request: Request, body: dict[str, Any]) -> None:
     """Queue a job for the newest file with the name in the path."""
-    target = _find_target(request)
+    target = find_target(request)
     target.call.require("print", target.printer.name)
     if body.get("command") != "select":
         raise ProblemError(400, "only the command select is possible", "Upload the file again to print it")
     file = _find_newest(target.services.queue, str(request.path_params["path"]))
     if body.get("print") is True:
-        _queue_job(target, file)
+        queue_job(target, file)
 
 
 def _find_newest(queue: PrintQueue, name: str) -> QueuedFile:

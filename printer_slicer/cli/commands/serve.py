@@ -96,7 +96,9 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.demo:
             from printer_slicer.server.demo import end_demo_prints, open_demo_queue
 
-            folder = stack.enter_context(TemporaryDirectory(prefix="printer-slicer-demo-", ignore_cleanup_errors=True))
+            folder = stack.enter_context(
+                TemporaryDirectory(prefix="printer-slicer-demo-", ignore_cleanup_errors=True)
+            )
             os.environ["PRINTER_SLICER_STATE"] = folder  # its prints are not to be resumed later
             queue = open_demo_queue(Path(folder))
             stack.callback(queue.close)

@@ -1,0 +1,155 @@
+"""Keys, sessions, and requests that other sites make a browser send."""
+
+from __future__ import annotations
+
+import pytest
+from starlette.websockets import WebSocketDisconnect
+
+from printer_slicer.errors import UsageError
+from printer_slicer.print_queue import PrintQueue
+from printer_slicer.server.access import SCOPES, AccessStore
+from tests.server.client import PAGE, ServerClient
+
+
+def test_without_a_key_nothing_is_told(server: ServerClient) -> None:
+    del server.headers["x-api-key"]
+    for path in (
+        "/v1/me",
+        "/v1/queue",
+        "/v1/files",
+        "/api/version",
+        "/api/printer",
+        "/printers/left/api/job",
+    ):
+        answer = server.get(path)
+        assert answer.status_code == 401, path
+        assert answer.json()["remedy"]
+
+
+@pytest.mark.parametrize("key", ["", "ps_", "ps_00000000_x", "x" * 5000, "ps_' OR 1=1_x", "ps_\udcff"])
+def test_an_unknown_key_is_rejected(access: AccessStore, key: str) -> None:
+    access.create_key("other", SCOPES)
+    assert access.find_key(key) is None
+    assert access.sign_in(key) is None
+
+
+def test_only_the_hash_of_a_key_is_stored(access: AccessStore) -> None:
+    _, text = access.create_key("slicer")
+    rows = access._database.read("SELECT * FROM key")
+    stored = b"".join(bytes(str(value), "utf-8") for row in rows for value in tuple(row))
+    assert text.split("_")[2].encode() not in stored
+    found = access.find_key(text)
+    assert found is not None
+    assert not found.allows("control")
+    assert found.allows("print")
+
+
+def test_a_key_of_one_printer_is_not_for_another(server: ServerClient, access: AccessStore) -> None:
+    _, text = access.create_key("left", ["read", "upload", "print", "control"], "left")
+    server.headers["x-api-key"] = text
+    assert server.get("/api/printer").status_code == 200
+    assert server.get("/printers/right/api/printer").status_code == 403
+    assert server.put("/v1/printers/right/bed", json={"bed": "clear"}).status_code == 403
+    assert server.put("/v1/printers/left/bed", json={"bed": "clear"}).status_code == 200
+    assert server.get("/v1/keys").status_code == 403
+
+
+def test_a_key_needs_a_name_and_known_scopes(access: AccessStore) -> None:
+    for name, scopes in ((" ", ["read"]), ("a", []), ("a", ["root"])):
+        with pytest.raises(UsageError):
+            access.create_key(name, scopes)  # type: ignore[arg-type]
+
+
+def sign_in(server: ServerClient, access: AccessStore) -> None:
+    server.headers.pop("x-api-key", None)
+    answer = server.get("/sign-in", params={"token": access.create_link_token()}, follow_redirects=False)
+    assert answer.status_code == 303
+    cookie = answer.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+
+
+def test_a_link_works_once(server: ServerClient, access: AccessStore) -> None:
+    token = access.create_link_token()
+    assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 303
+    server.cookies.clear()
+    assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 401
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"origin": "http://testserver"},
+        {"x-printer-slicer": "1"},
+        {"origin": "http://evil.example", "x-printer-slicer": "1"},
+        {"origin": "null", "x-printer-slicer": "1"},
+        {"sec-fetch-site": "cross-site", "x-printer-slicer": "1"},
+        {"origin": "http://testserver.evil.example", "x-printer-slicer": "1"},
+    ],
+)
+def test_another_site_changes_nothing_with_a_cookie(
+    server: ServerClient, access: AccessStore, queue: PrintQueue, headers: dict[str, str]
+) -> None:
+    sign_in(server, access)
+    answer = server.put("/v1/printers/left/bed", json={"bed": "clear"}, headers=headers)
+    assert answer.status_code == 403
+    assert queue.snapshot().printers[0].bed == "unknown"
+    assert server.put("/v1/printers/left/bed", json={"bed": "clear"}, headers=PAGE).status_code == 200
+
+
+def test_a_session_ends_with_its_key_and_closes_its_sockets(
+    server: ServerClient, access: AccessStore
+) -> None:
+    key, text = access.create_key("sofa", SCOPES)
+    del server.headers["x-api-key"]
+    assert server.post("/v1/session", json={"key": text}).status_code == 204
+    with server.websocket_connect("/v1/feed") as feed:
+        feed.receive_text()
+        access.delete_key(key.id)
+        with pytest.raises(WebSocketDisconnect):
+            feed.receive_text()
+    assert server.get("/v1/me").status_code == 401
+
+
+def test_after_signing_out_the_cookie_is_worthless(server: ServerClient, access: AccessStore) -> None:
+    sign_in(server, access)
+    cookie = server.cookies["printer_slicer_session"]
+    assert server.delete("/v1/session", headers=PAGE).status_code == 204
+    server.cookies.set("printer_slicer_session", cookie)
+    assert server.get("/v1/me").status_code == 401
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "testserver.evil.example", "", "testserver@evil", "[::1", "a b"]
+)
+def test_an_unknown_host_is_rejected(server: ServerClient, host: str) -> None:
+    assert server.get("/v1/me", headers={"host": host}).status_code == 421
+
+
+def test_a_socket_of_another_site_is_closed(server: ServerClient, access: AccessStore) -> None:
+    sign_in(server, access)
+    with (
+        pytest.raises(WebSocketDisconnect),
+        server.websocket_connect("/v1/feed", headers={"origin": "http://evil.example"}),
+    ):
+        pass
+
+
+def test_forwarded_headers_give_no_rights(server: ServerClient) -> None:
+    del server.headers["x-api-key"]
+    for name in ("x-forwarded-for", "x-real-ip", "forwarded", "x-remote-user", "remote-user"):
+        assert server.get("/v1/me", headers={name: "127.0.0.1"}).status_code == 401
+
+
+def test_too_many_headers_are_rejected(server: ServerClient) -> None:
+    assert server.get("/v1/me", headers={f"x-{n}": "1" for n in range(120)}).status_code == 431
+    assert server.get("/v1/me", headers={"x-long": "1" * 20_000}).status_code == 431
+
+
+def test_answers_forbid_what_browsers_need_not_do(server: ServerClient) -> None:
+    for path in ("/v1/me", "/v1/none", "/"):
+        headers = server.get(path).headers
+        assert headers["x-content-type-options"] == "nosniff"
+        assert "frame-ancestors 'none'" in headers["content-security-policy"]
+        assert "unsafe" not in headers["content-security-policy"]
