@@ -104,13 +104,19 @@ async def run_operation(operation: Operation, request: Request) -> Response:
     Raises:
         ProblemError: it cannot be carried out.
     """
+    data = b"" if operation.body is None else await _read_body(request)
+    return await run_in_threadpool(_run_in_thread, operation, request, data)
+
+
+def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Response:
+    """Check a request whose body was read, carry it out, and return the response."""
     services: Services = request.app.state.services
-    access = await run_in_threadpool(find_access, request, services)
-    body = None if operation.body is None else await _read_body(request, operation.body)
+    access = find_access(request, services)
+    body = None if operation.body is None else _decode_body(data, operation.body)
     call = Call(services, access, request.path_params, dict(request.query_params), body)
     call.require(operation.permission)
     try:
-        result = await run_in_threadpool(operation.run, call)
+        result = operation.run(call)
     except PrinterSlicerError as error:
         raise _make_problem_error(describe_error(error)) from None
     if result is None:
@@ -124,18 +130,27 @@ def _make_problem_error(problem: Problem) -> ProblemError:
     return ProblemError(problem.status, problem.title, problem.remedy)
 
 
-async def _read_body(request: Request, kind: type) -> Any:
-    """Read and decode the body of a request.
+async def _read_body(request: Request) -> bytes:
+    """Read the body of a request.
 
     Raises:
-        ProblemError: it is too large, or not of this type.
+        ProblemError: it is too large.
     """
     body = b""
     async for chunk in request.stream():
         body += chunk
         if len(body) > _MAX_BODY:
             raise ProblemError(413, f"the body is larger than {_MAX_BODY // 1024} kB", "Send less")
+    return body
+
+
+def _decode_body(data: bytes, kind: type) -> Any:
+    """Decode the body of a request.
+
+    Raises:
+        ProblemError: it is not of this type.
+    """
     try:
-        return decode_json(body or b"{}", kind)
+        return decode_json(data or b"{}", kind)
     except ValueError as error:
         raise ProblemError(400, f"the body is not valid: {error}", "See /v1/openapi.json") from None
