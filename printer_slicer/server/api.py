@@ -19,6 +19,7 @@ from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
 from printer_slicer.server.operations import Call, Operation
 from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.slicing import SliceTask
 from printer_slicer.values import Struct
 
 __all__ = ["OPERATIONS"]
@@ -147,6 +148,18 @@ def _add_jobs(call: Call) -> tuple[QueuedJob, ...]:
     return call.services.queue.add_jobs(body.file, request)
 
 
+def _list_slices(call: Call) -> tuple[SliceTask, ...]:
+    return call.services.slicer.list_tasks()
+
+
+def _get_slice(call: Call) -> SliceTask:
+    return call.services.slicer.find(call.path["task"])
+
+
+def _cancel_slice(call: Call) -> SliceTask:
+    return call.services.slicer.cancel(call.path["task"])
+
+
 def _get_job(call: Call) -> JobDetails:
     queue = call.services.queue
     job = queue.find_job(call.path["job"])
@@ -265,6 +278,11 @@ OPERATIONS: Final = (
         None,
         tuple[QueuedFile, FileFacts],
     ),
+    Operation(
+        "GET", "/v1/slices", "read", "the models that were sliced", _list_slices, None, tuple[SliceTask, ...]
+    ),
+    Operation("GET", "/v1/slices/{task}", "read", "how far a model is sliced", _get_slice, None, SliceTask),
+    Operation("DELETE", "/v1/slices/{task}", "upload", "cancel slicing", _cancel_slice, None, SliceTask),
     Operation("POST", "/v1/jobs", "print", "add jobs for a file", _add_jobs, JobBody, tuple[QueuedJob, ...]),
     Operation("GET", _JOB, "read", "a job with its file and runs", _get_job, None, JobDetails),
     Operation("GET", f"{_JOB}/explanation", "read", "why a job waits", _explain_job, None, Explanation),

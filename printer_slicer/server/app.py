@@ -6,6 +6,8 @@ import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from secrets import token_hex
+from shutil import rmtree
 from typing import Final
 
 from starlette.applications import Starlette
@@ -29,6 +31,7 @@ from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_acc
 from printer_slicer.server.problems import Problem, ProblemError, respond_with_problem
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
+from printer_slicer.server.slicing import MODEL_ENDINGS, SliceRequest, SliceTask
 from printer_slicer.server.uploads import FormReader
 
 __all__ = ["make_app"]
@@ -52,6 +55,7 @@ def make_app(services: Services) -> Starlette:
     routes: list[BaseRoute] = [_make_route(operation) for operation in OPERATIONS]
     routes += [
         Route("/v1/files", _upload_file, methods=["POST"]),
+        Route("/v1/slices", _slice_model, methods=["POST"]),
         Route("/v1/session", _sign_in, methods=["POST"]),
         Route("/v1/openapi.json", _describe_interface),
         Route("/sign-in", _open_link),
@@ -96,6 +100,44 @@ async def _upload_file(request: Request) -> Response:
     file = await receive_upload(request, store)
     facts = await run_in_threadpool(services.reader.read, file.id)
     return Response(encode_json((file, facts)), 201, media_type="application/json")
+
+
+async def _slice_model(request: Request) -> Response:
+    """Slice a model that arrives in a form; the other fields are those of `SliceRequest`, settings as JSON."""
+    services: Services = request.app.state.services
+    access = await run_in_threadpool(find_access, request, services)
+    if not access.allows("upload"):
+        raise ProblemError(403, "this key does not allow upload", "Use a key with this permission")
+    task = await receive_upload(request, lambda form: _add_slice(services, form))
+    return Response(encode_json(task), 201, media_type="application/json")
+
+
+def _add_slice(services: Services, form: FormReader) -> SliceTask:
+    """Store a model in a folder of its own, and add a task that slices it."""
+    name = form.find_file()
+    ending = next((one for one in MODEL_ENDINGS if name.lower().endswith(one)), "")
+    if not ending:
+        raise ProblemError(
+            415, "this is no model", f"Upload a file that ends with {', '.join(MODEL_ENDINGS)}"
+        )
+    folder = services.slicer.folder / token_hex(16)
+    folder.mkdir(parents=True, mode=0o700)
+    try:
+        model = folder / f"model{ending}"
+        with model.open("wb") as file:
+            file.writelines(form.read_file())
+        fields = form.fields
+        settings = decode_json((fields.get("settings") or "{}").encode(), dict[str, str])
+        copies = decode_json((fields.get("copies") or "1").encode(), int)
+        wanted = SliceRequest(fields.get("printer", ""), fields.get("quality", ""), settings, copies)
+        return services.slicer.add(model, name, wanted)
+    except BaseException as error:
+        rmtree(folder, ignore_errors=True)
+        if isinstance(error, ValueError):
+            raise ProblemError(
+                400, f"a field of the form is not valid: {error}", "See docs/server.md"
+            ) from None
+        raise
 
 
 async def _sign_in(request: Request) -> Response:

@@ -7,6 +7,7 @@ from pathlib import Path
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.server.access import AccessStore
 from printer_slicer.server.guard import GuardSettings
+from printer_slicer.server.slicing import Slicer
 from printer_slicer.server.workers import FileReader
 
 __all__ = ["Services"]
@@ -25,8 +26,10 @@ class Services:
     def __init__(self, queue: PrintQueue, access: AccessStore, guard: GuardSettings, job_store: Path) -> None:
         self.queue, self.access, self.guard, self.job_store = queue, access, guard, job_store
         self.reader = FileReader(queue)
+        self.slicer = Slicer(queue, self.reader)
 
     def close(self) -> None:
-        """Close the databases."""
+        """Cancel what is being sliced, and close the databases."""
+        self.slicer.close()
         self.queue.close()
         self.access.close()

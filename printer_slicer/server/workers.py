@@ -16,9 +16,9 @@ from typing import Final
 from printer_slicer.print_queue import FileFacts, PrintQueue
 from printer_slicer.print_queue.file_facts import format_facts, parse_facts, read_file_facts
 
-__all__ = ["FileReader"]
+__all__ = ["FileReader", "limit_process"]
 
-_MAX_SECONDS: Final = 300
+_MAX_SECONDS: Final = 900
 _MAX_BYTES: Final = 6 << 30
 _NICENESS: Final = 10
 
@@ -70,7 +70,7 @@ def _run_process(path: Path, name: str) -> FileFacts:
         return FileFacts(problem="the file cannot be read within the limits of time and memory")
 
 
-def _limit_process() -> None:
+def limit_process() -> None:
     """Limit time and memory of this process, and let all others go first."""
     if os.name != "posix":
         return
@@ -83,5 +83,5 @@ def _limit_process() -> None:
 
 
 if __name__ == "__main__":
-    _limit_process()
+    limit_process()
     sys.stdout.write(format_facts(read_file_facts(Path(sys.argv[1]), sys.argv[2])))

@@ -1,0 +1,242 @@
+"""Slice models that were uploaded: one task after the other, each in a process with limits.
+
+The process runs the command `slice`, so a model becomes the same G-code as on the command line. Its messages tell the
+stage; its result are files in the store of the queue.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import secrets
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from shutil import rmtree
+from threading import Lock
+from typing import Any, Final, Literal
+
+from printer_slicer.errors import UsageError
+from printer_slicer.print_queue import PrintQueue
+from printer_slicer.print_queue.records import clean_name
+from printer_slicer.server.workers import FileReader
+from printer_slicer.values import Struct, replace
+
+__all__ = ["MODEL_ENDINGS", "SliceRequest", "SliceTask", "Slicer"]
+
+MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
+"""Endings of the names of models."""
+
+_MAX_TASKS: Final = 100  # tasks that are remembered
+_KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
+_STAGE: Final = re.compile(r"\s*[\d.]+ s  (.+)")
+_PIECE: Final = 1 << 20  # bytes
+_USAGE: Final = 2  # exit code of the command
+
+
+class SliceRequest(Struct, frozen=True):
+    """How a model is sliced.
+
+    Attributes:
+        printer: name of the printer in printers.toml.
+        quality: name of the quality profile; empty: the default.
+        settings: changed settings, as for `--set`.
+        copies: number of copies.
+    """
+
+    printer: str
+    quality: str = ""
+    settings: Mapping[str, str] = {}
+    copies: int = 1
+
+
+class SliceTask(Struct, frozen=True):
+    """A model that is sliced.
+
+    Attributes:
+        id: random text.
+        name: name of the model.
+        printer: name of the printer.
+        state: `waiting`, `slicing`, `done`, `failed` or `cancelled`.
+        stage: what it does at the moment, such as `planning`.
+        message: what went wrong, or the warnings, one per line.
+        files: ids of the G-code files, one per plate.
+        facts: what `slice --json` tells.
+    """
+
+    id: str
+    name: str
+    printer: str
+    state: Literal["waiting", "slicing", "done", "failed", "cancelled"] = "waiting"
+    stage: str = ""
+    message: str = ""
+    files: tuple[str, ...] = ()
+    facts: Mapping[str, Any] = {}
+
+
+class Slicer:
+    """Slices models, one at a time.
+
+    Args:
+        queue: the queue, whose store gets the files.
+        reader: reads the facts of the files.
+    """
+
+    def __init__(self, queue: PrintQueue, reader: FileReader) -> None:
+        self._queue, self._reader, self._lock = queue, reader, Lock()
+        self._pool = ThreadPoolExecutor(1, "slicer")
+        self._tasks: dict[str, SliceTask] = {}
+        self._processes: dict[str, subprocess.Popen[str]] = {}
+        self.folder = queue.folder / "models"
+        """Folder of the models, each in a folder of its own until it is sliced."""
+
+    def close(self) -> None:
+        """Cancel all tasks."""
+        for task in self.list_tasks():
+            self.cancel(task.id)
+        self._pool.shutdown()
+
+    def add(self, model: Path, name: str, request: SliceRequest) -> SliceTask:
+        """Add a task for a model in a folder of its own, which is deleted afterwards.
+
+        Raises:
+            UsageError: there is no such printer, or a setting has an impossible name.
+        """
+        arguments = self._list_arguments(request)
+        task = SliceTask(secrets.token_hex(8), clean_name(name), request.printer)
+        with self._lock:
+            while len(self._tasks) >= _MAX_TASKS:
+                ended = (key for key, one in self._tasks.items() if one.state not in {"waiting", "slicing"})
+                oldest = next(ended, None)
+                if oldest is None:
+                    raise UsageError(
+                        "too many models wait", remedy="Wait until some are sliced, or cancel them"
+                    )
+                del self._tasks[oldest]
+            self._tasks[task.id] = task
+        self._pool.submit(self._run, task.id, model, arguments)
+        return task
+
+    def list_tasks(self) -> tuple[SliceTask, ...]:
+        """Return all tasks that are remembered, the oldest first."""
+        with self._lock:
+            return tuple(self._tasks.values())
+
+    def find(self, task: str) -> SliceTask:
+        """Return a task.
+
+        Raises:
+            UsageError: there is none with this id.
+        """
+        with self._lock:
+            if task not in self._tasks:
+                raise UsageError("there is no such slicing task", remedy="Upload the model again")
+            return self._tasks[task]
+
+    def cancel(self, task: str) -> SliceTask:
+        """Cancel a task that waits or is being sliced.
+
+        Raises:
+            UsageError: there is none with this id.
+        """
+        found = self.find(task)
+        with self._lock:
+            if found.state in {"waiting", "slicing"}:
+                self._tasks[task] = replace(self._tasks[task], state="cancelled", stage="")
+            if task in self._processes:
+                self._processes[task].kill()
+            return self._tasks[task]
+
+    def _list_arguments(self, request: SliceRequest) -> list[str]:
+        """Return the options of the command."""
+        entries = {entry.name: entry for entry in self._queue.list_printers()}
+        if request.printer not in entries:
+            raise UsageError(
+                f"there is no printer {request.printer or 'without a name'}",
+                remedy=f"Choose one of: {', '.join(entries)}",
+            )
+        if not 1 <= request.copies <= 200:
+            raise UsageError(f"{request.copies} copies", remedy="Choose 1 to 200 copies")
+        wrong = [key for key in request.settings if not _KEY.fullmatch(key)]
+        if wrong:
+            raise UsageError(
+                f"{wrong[0][:40]!r} is no setting", remedy="See printer-slicer profiles settings"
+            )
+        entry = entries[request.printer]
+        state = next(one for one in self._queue.snapshot().printers if one.name == request.printer)
+        options = [f"--printer={entry.profile}", f"--material={state.material}", f"--copies={request.copies}"]
+        options += [f"--quality={request.quality}"] if request.quality else []
+        return options + [f"--set={key}={value}" for key, value in request.settings.items()]
+
+    def _change(self, task: str, **values: Any) -> bool:
+        """Change a task that was not cancelled; return whether it was changed."""
+        with self._lock:
+            if self._tasks[task].state == "cancelled":
+                return False
+            self._tasks[task] = replace(self._tasks[task], **values)
+            return True
+
+    def _run(self, task: str, model: Path, arguments: Sequence[str]) -> None:
+        """Slice a model, and store the G-code."""
+        try:
+            if self._change(task, state="slicing", stage="starting"):
+                self._slice(task, model, arguments)
+        except Exception as error:  # noqa: BLE001 - a fault of one task must not stop the others
+            self._change(task, state="failed", stage="", message=f"the server has a fault: {error}")
+        finally:
+            with self._lock:
+                self._processes.pop(task, None)
+            rmtree(model.parent, ignore_errors=True)
+
+    def _slice(self, task: str, model: Path, arguments: Sequence[str]) -> None:
+        """Run the command, follow its stages, and store what it wrote."""
+        output = model.parent / "sliced"
+        output.mkdir()
+        words = ["slice", str(model), "-o", f"{output}/{model.stem}.gcode", "--json", "--verbose", *arguments]
+        command = [sys.executable, "-m", "printer_slicer.server.limited_command", *words]
+        pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with subprocess.Popen(command, text=True, errors="replace", **pipes) as process:  # type: ignore[call-overload] # noqa: S603 - no shell
+            with self._lock:
+                self._processes[task] = process
+            messages = self._follow(task, process)
+            facts = process.stdout.read()
+        name = self.find(task).name
+        if process.returncode:
+            said = "\n".join(messages).replace(str(model), name).removeprefix("printer-slicer: ")
+            text = said or "the model needs more time or memory than allowed"
+            self._change(task, state="failed", stage="", message=text)
+            return
+        files = [self._store(path, len(list(output.iterdir())), name) for path in sorted(output.iterdir())]
+        self._change(
+            task,
+            state="done",
+            stage="",
+            files=tuple(files),
+            facts=json.loads(facts or "{}"),
+            message="\n".join(messages).replace(str(model), name),
+        )
+
+    def _follow(self, task: str, process: Any) -> list[str]:
+        """Note each stage that the command reports; return its other messages."""
+        messages = []
+        for line in process.stderr:
+            stage = _STAGE.fullmatch(line.rstrip("\n"))
+            if stage is not None:
+                self._change(task, stage=stage[1])
+            elif line.strip():
+                messages.append(line.rstrip())
+        return messages[-20:]
+
+    def _store(self, path: Path, n_plates: int, model: str) -> str:
+        """Add a file of G-code to the store, and read its facts; return its id."""
+        base = model.rsplit(".", 1)[0]
+        number = path.stem.rsplit("-", 1)[-1]
+        name = f"{base}-{number}.gcode" if n_plates > 1 else f"{base}.gcode"
+        with path.open("rb") as file:
+            stored = self._queue.add_file(name, iter(lambda: file.read(_PIECE), b""))
+        with suppress(UsageError):
+            self._reader.read(stored.id)
+        return stored.id

@@ -1,0 +1,94 @@
+"""Models that are uploaded and sliced."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+
+import printer_slicer as ps
+from printer_slicer.print_queue import PrintQueue
+from tests.parts import box
+from tests.server.client import ServerClient, form
+
+ENDED = {"done", "failed", "cancelled"}
+
+
+def wait_for_end(server: ServerClient, task: str) -> dict[str, Any]:
+    pause = Event()
+    for _ in range(1200):
+        found: dict[str, Any] = server.get(f"/v1/slices/{task}").json()
+        if found["state"] in ENDED:
+            return found
+        pause.wait(0.05)
+    raise AssertionError(found)
+
+
+def model(tmp_path: Path) -> bytes:
+    ps.export_stl(box((8, 8, 2)), tmp_path / "box.stl")
+    return (tmp_path / "box.stl").read_bytes()
+
+
+def test_a_model_becomes_a_file_that_can_be_queued(
+    server: ServerClient, queue: PrintQueue, tmp_path: Path
+) -> None:
+    settings = json.dumps({"infill_density": "0.1"}).encode()
+    sent = form(
+        ("printer", None, b"right"), ("settings", None, settings), ("file", "a b.stl", model(tmp_path))
+    )
+    answer = server.post("/v1/slices", **sent)
+    assert answer.status_code == 201, answer.text
+    task = wait_for_end(server, answer.json()["id"])
+    assert task["state"] == "done", task
+    assert task["facts"]["layers"] > 5
+    (file,) = queue.list_files()
+    assert file.name == "a b.gcode"
+    assert task["files"] == [file.id]
+    facts = queue.read_facts(file.id)
+    assert facts is not None
+    assert facts.material == "PETG"
+    assert not list((queue.folder / "models").iterdir())
+    assert server.post("/v1/jobs", json={"file": file.id}).status_code == 201
+
+
+def test_a_model_that_cannot_be_sliced_says_why(server: ServerClient, queue: PrintQueue) -> None:
+    answer = server.post("/v1/slices", **form(("printer", None, b"left"), ("file", "x.stl", b"solid x\n")))
+    task = wait_for_end(server, answer.json()["id"])
+    assert task["state"] == "failed"
+    assert "x.stl" in task["message"]
+    assert str(queue.folder) not in task["message"]
+    assert not list((queue.folder / "models").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "status"),
+    [
+        ("x.gcode", {"printer": b"left"}, 415),
+        ("x.stl.exe", {"printer": b"left"}, 415),
+        ("x.stl", {"printer": b"none"}, 422),
+        ("x.stl", {}, 422),
+        ("x.stl", {"printer": b"left", "settings": b"[1]"}, 400),
+        ("x.stl", {"printer": b"left", "settings": b'{"--output": "x"}'}, 422),
+        ("x.stl", {"printer": b"left", "copies": b"-1"}, 422),
+        ("x.stl", {"printer": b"left", "copies": b"many"}, 400),
+    ],
+)
+def test_a_wrong_request_is_rejected_and_leaves_nothing(
+    server: ServerClient, queue: PrintQueue, tmp_path: Path, name: str, fields: dict[str, bytes], status: int
+) -> None:
+    parts = [(key, None, value) for key, value in fields.items()]
+    answer = server.post("/v1/slices", **form(*parts, ("file", name, model(tmp_path))))
+    assert answer.status_code == status, answer.text
+    assert answer.json()["remedy"]
+    folder = queue.folder / "models"
+    assert not folder.exists() or not list(folder.iterdir())
+
+
+def test_a_task_can_be_cancelled(server: ServerClient, tmp_path: Path) -> None:
+    sent = form(("printer", None, b"left"), ("copies", None, b"40"), ("file", "a.stl", model(tmp_path)))
+    task = server.post("/v1/slices", **sent).json()["id"]
+    assert server.delete(f"/v1/slices/{task}").json()["state"] == "cancelled"
+    assert wait_for_end(server, task)["state"] == "cancelled"
