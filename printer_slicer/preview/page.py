@@ -19,7 +19,7 @@ from typing import Final
 from printer_slicer.preview.columns import Preview
 from printer_slicer.preview.encoding import encode_preview
 
-__all__ = ["join_modules", "make_view_page"]
+__all__ = ["join_modules", "make_view_page", "make_view_policy"]
 
 _FIRST_MODULE: Final = "page.js"
 _IMPORT: Final = re.compile(r'^import \{[^}]*\} from "\./([a-z0-9_]+\.js)";\n', re.MULTILINE)
@@ -35,10 +35,9 @@ _POLICY: Final = (
 def make_view_page(preview: Preview) -> bytes:
     """Return the HTML file, in UTF-8."""
     script, style = join_modules(), _read_viewer_file("viewer.css")
-    policy = _POLICY.format(script=_hash_text(script), style=_hash_text(style))
     data = base64.b64encode(gzip.compress(encode_preview(preview), 9, mtime=0)).decode()
     parts = {
-        "policy": html.escape(policy),
+        "policy": html.escape(make_view_policy()),
         "title": html.escape(preview.name),
         "style": style,
         "preview": data,
@@ -46,6 +45,13 @@ def make_view_page(preview: Preview) -> bytes:
     }
     page = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _read_viewer_file("page.html"))
     return page.encode("utf-8", "replace")
+
+
+def make_view_policy() -> str:
+    """Return the content security policy of the page, which allows its own script and style only."""
+    return _POLICY.format(
+        script=_hash_text(join_modules()), style=_hash_text(_read_viewer_file("viewer.css"))
+    )
 
 
 def join_modules(first: str = _FIRST_MODULE) -> str:

@@ -14,10 +14,12 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.preview.page import make_view_policy
 from printer_slicer.print_queue import QueuedFile
 from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS
@@ -27,8 +29,14 @@ from printer_slicer.server.json_values import decode_json, encode_json
 from printer_slicer.server.moonraker import MOONRAKER_ROUTES
 from printer_slicer.server.octoprint import OCTOPRINT_ROUTES
 from printer_slicer.server.openapi import describe_interface
-from printer_slicer.server.operations import SESSION_COOKIE, Operation, find_access, run_operation
-from printer_slicer.server.problems import Problem, ProblemError, respond_with_problem
+from printer_slicer.server.operations import (
+    SESSION_COOKIE,
+    Operation,
+    find_access,
+    make_problem_error,
+    run_operation,
+)
+from printer_slicer.server.problems import Problem, ProblemError, describe_error, respond_with_problem
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
 from printer_slicer.server.slicing import MODEL_ENDINGS, SliceRequest, SliceTask
@@ -55,6 +63,8 @@ def make_app(services: Services) -> Starlette:
     routes: list[BaseRoute] = [_make_route(operation) for operation in OPERATIONS]
     routes += [
         Route("/v1/files", _upload_file, methods=["POST"]),
+        Route("/v1/files/{file}/content", _download_file),
+        Route("/v1/files/{file}/view", _view_file),
         Route("/v1/slices", _slice_model, methods=["POST"]),
         Route("/v1/session", _sign_in, methods=["POST"]),
         Route("/v1/openapi.json", _describe_interface),
@@ -100,6 +110,36 @@ async def _upload_file(request: Request) -> Response:
     file = await receive_upload(request, store)
     facts = await run_in_threadpool(services.reader.read, file.id)
     return Response(encode_json((file, facts)), 201, media_type="application/json")
+
+
+async def _find_readable_file(request: Request) -> QueuedFile:
+    """Return the file in the path of a request whose sender may read it."""
+    services: Services = request.app.state.services
+    access = await run_in_threadpool(find_access, request, services)
+    if not access.allows("read"):
+        raise ProblemError(403, "this key does not allow read", "Use a key with this permission")
+    try:
+        return await run_in_threadpool(services.queue.find_file, request.path_params["file"])
+    except PrinterSlicerError as error:
+        raise make_problem_error(describe_error(error, 404)) from None
+
+
+async def _download_file(request: Request) -> Response:
+    """Answer with the content of a file, which browsers save and never show."""
+    file = await _find_readable_file(request)
+    path = request.app.state.services.queue.files.find_path(file.id)
+    return FileResponse(path, media_type="application/octet-stream", filename=file.name)
+
+
+async def _view_file(request: Request) -> Response:
+    """Answer with a page that shows the layers and moves of a file."""
+    file = await _find_readable_file(request)
+    try:
+        page = await run_in_threadpool(request.app.state.services.reader.make_page, file.id)
+    except PrinterSlicerError as error:
+        raise make_problem_error(describe_error(error)) from None
+    policy = f"{make_view_policy()}; frame-ancestors 'none'"
+    return Response(page, media_type="text/html", headers={"content-security-policy": policy})
 
 
 async def _slice_model(request: Request) -> Response:

@@ -17,7 +17,7 @@ from printer_slicer.server.problems import Problem, ProblemError, describe_error
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
-__all__ = ["Call", "Operation", "find_access", "run_operation"]
+__all__ = ["Call", "Operation", "find_access", "make_problem_error", "run_operation"]
 
 _MAX_BODY: int = 64 * 1024
 SESSION_COOKIE = "printer_slicer_session"
@@ -118,14 +118,14 @@ def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Respo
     try:
         result = operation.run(call)
     except PrinterSlicerError as error:
-        raise _make_problem_error(describe_error(error)) from None
+        raise make_problem_error(describe_error(error)) from None
     if result is None:
         return Response(status_code=204)
     status = 201 if operation.method == "POST" and operation.result is not None else 200
     return Response(encode_json(result), status, media_type="application/json")
 
 
-def _make_problem_error(problem: Problem) -> ProblemError:
+def make_problem_error(problem: Problem) -> ProblemError:
     """Return a problem as an exception."""
     return ProblemError(problem.status, problem.title, problem.remedy)
 

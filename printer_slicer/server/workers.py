@@ -1,6 +1,6 @@
 """Read uploaded files in processes of their own, with limits of time and memory, so that no file can stop the server.
 
-The process is `python -m printer_slicer.server.workers PATH NAME`; it writes the facts as JSON.
+The process is `python -m printer_slicer.server.workers facts|page PATH NAME`; it writes the facts as JSON, or the page.
 """
 
 from __future__ import annotations
@@ -9,12 +9,15 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+from hashlib import sha256
 from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Final
 
+from printer_slicer.errors import UsageError
 from printer_slicer.print_queue import FileFacts, PrintQueue
 from printer_slicer.print_queue.file_facts import format_facts, parse_facts, read_file_facts
+from printer_slicer.saving import save
 
 __all__ = ["FileReader", "limit_process"]
 
@@ -44,16 +47,44 @@ class FileReader:
         if facts is None:
             file = self._queue.find_file(file_id)
             with self._free:
-                facts = self._queue.read_facts(file_id) or _run_process(
+                facts = self._queue.read_facts(file_id) or _read_facts(
                     self._queue.files.find_path(file_id), file.name
                 )
             self._queue.store_facts(file_id, facts)
         return facts
 
+    def make_page(self, file_id: str) -> bytes:
+        """Return the page that shows the layers and moves of a file; it is kept for the next time.
 
-def _run_process(path: Path, name: str) -> FileFacts:
-    """Read a file in another process."""
-    command = [sys.executable, "-m", __name__, str(path), name]
+        Raises:
+            UsageError: there is no such file, or it cannot be shown.
+        """
+        file = self._queue.find_file(file_id)
+        kept = self._queue.folder / "pages" / f"{file_id}-{_hash_text(file.name)}.html"
+        with self._free:
+            if not kept.exists():
+                page, problem = _run_process("page", self._queue.files.find_path(file_id), file.name)
+                if problem:
+                    raise UsageError(f"{file.name}: {problem}", remedy="Open it with printer-slicer view")
+                kept.parent.mkdir(exist_ok=True, mode=0o700)
+                save(kept, page)
+        return kept.read_bytes()
+
+
+def _hash_text(text: str) -> str:
+    """Return the first digits of the SHA-256 of a text."""
+    return sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:12]
+
+
+def _read_facts(path: Path, name: str) -> FileFacts:
+    """Read the facts of a file in another process."""
+    facts, problem = _run_process("facts", path, name)
+    return FileFacts(problem=problem) if problem else parse_facts(facts.decode())
+
+
+def _run_process(what: str, path: Path, name: str) -> tuple[bytes, str]:
+    """Read a file in another process; return what it wrote, and why it failed."""
+    command = [sys.executable, "-m", __name__, what, str(path), name]
     try:
         done = subprocess.run(  # noqa: S603 - no shell, and the process reads its arguments as they are
             command,
@@ -63,11 +94,22 @@ def _run_process(path: Path, name: str) -> FileFacts:
             timeout=2 * _MAX_SECONDS,
             check=True,
         )
-        return parse_facts(done.stdout.decode())
     except subprocess.TimeoutExpired:
-        return FileFacts(problem=f"reading the file took over {2 * _MAX_SECONDS} s")
+        return b"", f"reading the file took over {2 * _MAX_SECONDS} s"
     except subprocess.CalledProcessError:
-        return FileFacts(problem="the file cannot be read within the limits of time and memory")
+        return b"", "the file cannot be read within the limits of time and memory"
+    return done.stdout, ""
+
+
+def _make_page(path: Path, name: str) -> bytes:
+    """Return the page that shows a file."""
+    from printer_slicer.importing.gcode_files import read_gcode_settings  # noqa: PLC0415 - slow
+    from printer_slicer.motion.rules import limits_of  # noqa: PLC0415 - slow
+    from printer_slicer.preview import make_view_page, read_preview  # noqa: PLC0415 - slow
+    from printer_slicer.profile import complete_profile  # noqa: PLC0415 - slow
+
+    profile = complete_profile(dict(read_gcode_settings(path).values), {})
+    return make_view_page(read_preview(path.read_bytes(), name, limits_of(profile.printer)))
 
 
 def limit_process() -> None:
@@ -84,4 +126,7 @@ def limit_process() -> None:
 
 if __name__ == "__main__":
     limit_process()
-    sys.stdout.write(format_facts(read_file_facts(Path(sys.argv[1]), sys.argv[2])))
+    if sys.argv[1] == "page":
+        sys.stdout.buffer.write(_make_page(Path(sys.argv[2]), sys.argv[3]))
+    else:
+        sys.stdout.write(format_facts(read_file_facts(Path(sys.argv[2]), sys.argv[3])))

@@ -161,3 +161,19 @@ def test_any_bytes_are_a_form_or_a_problem(body: bytes) -> None:
 def _read_whole(reader: FormReader) -> bytes:
     reader.find_file()
     return b"".join(reader.read_file())
+
+
+def test_a_file_is_saved_by_browsers_and_shown_by_the_viewer(server: ServerClient) -> None:
+    name = 'a"b\\r\\nset-cookie: x=1 <script>.gcode'
+    (file, _) = server.post("/v1/files", **form(("file", name.replace('"', ""), GCODE))).json()
+    saved = server.get(f"/v1/files/{file['id']}/content")
+    assert saved.content == GCODE
+    assert saved.headers["content-type"] == "application/octet-stream"
+    assert saved.headers["content-disposition"].startswith("attachment")
+    assert "set-cookie" not in saved.headers
+    shown = server.get(f"/v1/files/{file['id']}/view")
+    assert shown.status_code == 200, shown.text
+    assert "sha256-" in shown.headers["content-security-policy"]
+    assert "<script>.gcode" not in shown.text
+    assert server.get(f"/v1/files/{'0' * 64}/view").status_code == 404
+    assert server.get("/v1/files/..%2f..%2faccess.db/content").status_code == 404
