@@ -53,6 +53,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "sim": ("sim", "--pty", "missing/port"),
     "ports": ("ports",),
     "view": ("view", "missing.gcode"),
+    "serve": ("serve", "--listen", "nowhere"),
     "queue": ("queue", "--printers-file", "missing.toml"),
     "profiles": ("profiles", "settings"),
     "profiles that are not there": ("profiles", "show", "no_such_printer"),
