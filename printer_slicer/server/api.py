@@ -15,6 +15,7 @@ from printer_slicer.print_queue import (
     QueueSnapshot,
     explain_job,
 )
+from printer_slicer.print_queue.records import WAITING_STATES
 from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
 from printer_slicer.server.operations import Call, Operation
@@ -23,6 +24,9 @@ from printer_slicer.server.slicing import SliceTask
 from printer_slicer.values import Struct
 
 __all__ = ["OPERATIONS"]
+
+_MAX_EXPLANATIONS: Final = 50
+_MAX_FILES: Final = 200
 
 
 class JobBody(Struct, frozen=True, forbid_unknown_fields=True):
@@ -119,12 +123,20 @@ def _get_queue(call: Call) -> QueueSnapshot:
     return call.services.queue.snapshot()
 
 
-def _list_history(call: Call) -> tuple[QueuedJob, ...]:
-    return call.services.queue.list_ended_jobs()
+def _explain_queue(call: Call) -> tuple[Explanation, ...]:
+    queue = call.services.queue
+    waiting = [job.id for job in queue.snapshot().jobs if job.state in WAITING_STATES]
+    return tuple(explain_job(queue, job) for job in waiting[:_MAX_EXPLANATIONS])
 
 
-def _list_files(call: Call) -> tuple[QueuedFile, ...]:
-    return call.services.queue.list_files()
+def _list_history(call: Call) -> tuple[tuple[QueuedJob, PrintRun | None], ...]:
+    queue = call.services.queue
+    return tuple((job, next(reversed(queue.list_runs(job.id)), None)) for job in queue.list_ended_jobs())
+
+
+def _list_files(call: Call) -> tuple[tuple[QueuedFile, FileFacts | None], ...]:
+    queue = call.services.queue
+    return tuple((file, queue.read_facts(file.id)) for file in queue.list_files(_MAX_FILES))
 
 
 def _get_file(call: Call) -> tuple[QueuedFile, FileFacts]:
@@ -258,16 +270,31 @@ OPERATIONS: Final = (
         QueueSnapshot,
     ),
     Operation(
-        "GET", "/v1/history", "read", "the last jobs that ended", _list_history, None, tuple[QueuedJob, ...]
+        "GET",
+        "/v1/explanations",
+        "read",
+        "why the first waiting jobs wait",
+        _explain_queue,
+        None,
+        tuple[Explanation, ...],
+    ),
+    Operation(
+        "GET",
+        "/v1/history",
+        "read",
+        "the last jobs that ended, each with its last run",
+        _list_history,
+        None,
+        tuple[tuple[QueuedJob, PrintRun | None], ...],
     ),
     Operation(
         "GET",
         "/v1/files",
         "read",
-        "the files that were added last",
+        "the files that were added last, with what is known of them",
         _list_files,
         None,
-        tuple[QueuedFile, ...],
+        tuple[tuple[QueuedFile, FileFacts | None], ...],
     ),
     Operation(
         "GET",

@@ -23,6 +23,7 @@ from printer_slicer.preview.page import make_view_policy
 from printer_slicer.print_queue import QueuedFile
 from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS
+from printer_slicer.server.assets import ASSET_ROUTES
 from printer_slicer.server.feed import Feed, FeedPosition
 from printer_slicer.server.guard import RequestGuard
 from printer_slicer.server.json_values import decode_json, encode_json
@@ -70,6 +71,7 @@ def make_app(services: Services) -> Starlette:
         Route("/v1/openapi.json", _describe_interface),
         Route("/sign-in", _open_link),
         WebSocketRoute("/v1/feed", _serve_feed),
+        *ASSET_ROUTES,
         *OCTOPRINT_ROUTES,
         *MOONRAKER_ROUTES,
     ]

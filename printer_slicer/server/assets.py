@@ -1,0 +1,124 @@
+"""The files of the web page: read once, compressed once, and served with a hash of their content in the address.
+
+The page is written as small modules that import each other by name. They are served as one script, each module after
+those it imports and without the words `import` and `export`, so that the page needs few requests. Their names at the
+top level are therefore unique, and they import and export in two simple forms only.
+"""
+
+from __future__ import annotations
+
+import gzip
+import re
+from collections import Counter
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from typing import Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from printer_slicer.server.problems import ProblemError
+from printer_slicer.values import Struct
+
+__all__ = ["ASSET_ROUTES", "Asset", "load_assets"]
+
+_FIRST_MODULE: Final = "main.js"
+_IMPORT: Final = re.compile(r'^import \{[^}]*\} from "\./([a-z0-9_]+\.js)";\n', re.MULTILINE)
+_EXPORT: Final = re.compile(r"^export (?=(?:async )?function |const |class )", re.MULTILINE)
+_NAME: Final = re.compile(r"^(?:async )?(?:const|let|function|class) (\w+)", re.MULTILINE)
+_LEFT: Final = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
+_FOREVER: Final = "public, max-age=31536000, immutable"
+
+
+class Asset(Struct, frozen=True):
+    """A file of the page.
+
+    Attributes:
+        content: its bytes.
+        compressed: the same, compressed with gzip.
+        kind: media type.
+        caching: value of the header `cache-control`.
+        etag: quoted hash of the content.
+    """
+
+    content: bytes
+    compressed: bytes
+    kind: str
+    caching: str
+    etag: str
+
+
+@cache
+def load_assets() -> dict[str, Asset]:
+    """Return the files of the page by address: `/`, the script and the style."""
+    script, style = _join_modules().encode(), _read_page_file("page.css").encode()
+    addresses = {"script": f"/page/{_hash(script)}.js", "style": f"/page/{_hash(style)}.css"}
+    page = re.sub(r"\{\{(\w+)\}\}", lambda found: addresses[found[1]], _read_page_file("page.html"))
+    return {
+        "/": _make_asset(page.encode(), "text/html; charset=utf-8", "no-cache"),
+        addresses["script"]: _make_asset(script, "text/javascript; charset=utf-8", _FOREVER),
+        addresses["style"]: _make_asset(style, "text/css; charset=utf-8", _FOREVER),
+    }
+
+
+def _make_asset(content: bytes, kind: str, caching: str) -> Asset:
+    """Return a file of the page with what is derived from its content."""
+    return Asset(content, gzip.compress(content, 9, mtime=0), kind, caching, f'"{_hash(content)}"')
+
+
+def _hash(content: bytes) -> str:
+    """Return the first 80 bits of the SHA-256, hexadecimal."""
+    return sha256(content).hexdigest()[:20]
+
+
+def _join_modules() -> str:
+    """Return all modules of the page as one script.
+
+    Raises:
+        ValueError: a module imports or exports in a form that is not supported, or two have a name in common.
+    """
+    done: dict[str, str] = {}
+    _add_module(_FIRST_MODULE, done)
+    joined = "\n".join(done.values())
+    names = Counter(_NAME.findall(joined))
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise ValueError(f"modules of the page share the names {', '.join(twice)}")
+    return joined
+
+
+def _add_module(name: str, done: dict[str, str]) -> None:
+    """Add a module to those in `done`, after the modules it imports."""
+    if name in done:
+        return
+    text = _read_page_file(name)
+    for other in _IMPORT.findall(text):
+        _add_module(other, done)
+    joined = _EXPORT.sub("", _IMPORT.sub("", text))
+    if left := _LEFT.search(joined):
+        raise ValueError(f"{name}: cannot join {left[0]!r}")
+    done[name] = joined
+
+
+def _read_page_file(name: str) -> str:
+    """Return the text of a file in `page/`."""
+    return files("printer_slicer.server").joinpath("page", name).read_text("utf-8")
+
+
+async def _serve_asset(request: Request) -> Response:
+    """Answer with a file of the page."""
+    asset = load_assets().get(request.url.path)
+    if asset is None:
+        raise ProblemError(404, "the page has no such file", "Load the page again")
+    headers = {"etag": asset.etag, "cache-control": asset.caching, "vary": "accept-encoding"}
+    if asset.etag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        headers["content-encoding"] = "gzip"
+        return Response(asset.compressed, headers=headers, media_type=asset.kind)
+    return Response(asset.content, headers=headers, media_type=asset.kind)
+
+
+ASSET_ROUTES: Final = (Route("/", _serve_asset), Route("/page/{name}", _serve_asset))
+"""Routes of the page; they need no session."""

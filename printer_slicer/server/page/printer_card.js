@@ -1,0 +1,149 @@
+/**
+ * One printer: what it prints, how warm it is, whether its bed is clear, and its controls.
+ */
+import { makeButton } from "./buttons.js";
+import { make, setShown, setText } from "./elements.js";
+import { tell } from "./messages.js";
+import { makeConsole, sendCommand } from "./printer_console.js";
+import { makeControls } from "./printer_controls.js";
+import { request } from "./requests.js";
+import { allows, known } from "./status.js";
+import { makeTemperatureChart } from "./temperature_chart.js";
+import { nameHeater } from "./temperature_history.js";
+
+const BED_TEXTS = {
+  clear: "Bed is clear",
+  occupied: "Bed is occupied: take the print off",
+  unknown: "Nobody has said whether the bed is clear",
+};
+const STATE_TEXTS = { streaming: "printing", identifying: "connecting", finishing: "finishing" };
+
+/**
+ * Return the card of a printer.
+ *
+ * @param {{name: string}} printer
+ * @returns {{element: HTMLElement, show: (printer: any) => void}}
+ */
+export function makePrinterCard({ name }) {
+  const send = (command) => sendCommand(name, command);
+  const parts = makeParts(name);
+  const bed = makeBed(name);
+  const controls = makeControls(send);
+  const log = makeConsole(name, send);
+  const chart = makeTemperatureChart(name);
+  const chartRow = make("details", { open: true, ontoggle: () => chart.show() }, make("summary", {}, "Temperatures"), parts.heaters, chart.element);
+  const element = make(
+    "li",
+    { class: "card" },
+    make("div", { class: "row" }, make("h3", { class: "grow" }, name), parts.state),
+    parts.message,
+    parts.work,
+    bed.element,
+    controls.element,
+    chartRow,
+    log.element,
+  );
+  return {
+    element,
+    show(printer) {
+      const print = known.prints.get(name);
+      const job = known.queue.jobs.find((one) => one.id === printer.job);
+      parts.show(printer, job, print?.status);
+      bed.show(printer);
+      setShown(controls.element, Boolean(print) && allows("control", name));
+      setShown(chartRow, Boolean(print));
+      setShown(log.element, Boolean(print));
+      setShown(log.form, allows("control", name));
+      if (!print) return;
+      controls.show(print.status);
+      log.show(print.console);
+      chart.show();
+    },
+  };
+}
+
+/** Return the texts of a card and the bar of progress. */
+function makeParts(name) {
+  const state = make("span", { class: "badge" });
+  const message = make("p", { class: "warning" });
+  const title = make("p", { class: "title" });
+  const bar = make("progress", { max: 100, "aria-label": `Progress of ${name}` });
+  const figures = make("p", { class: "figures" });
+  const next = make("p", { class: "hint" });
+  const heaters = make("p", { class: "figures" });
+  const work = make("div", {}, title, bar, figures, next);
+  const show = (printer, job, status) => {
+    const word = describeState(job, status);
+    setText(state, word);
+    state.dataset.state = word;
+    setShown(message, Boolean(printer.message));
+    setText(message, printer.message);
+    setText(title, job ? job.name : "Prints nothing");
+    setShown(bar, Boolean(job));
+    bar.value = getPercent(status);
+    setText(figures, job ? describeProgress(status) : `${printer.material.toUpperCase()} is loaded`);
+    setText(next, describeNext(name));
+    setText(heaters, describeHeaters(status));
+  };
+  return { state, message, work, heaters, show };
+}
+
+/** Return the state of the bed, with a button that declares it clear. */
+function makeBed(name) {
+  const text = make("p", { class: "grow" });
+  const declare = async (bed) => {
+    await request("PUT", `/v1/printers/${encodeURIComponent(name)}/bed`, { bed });
+    tell(bed === "clear" ? `The bed of ${name} is clear; the next job may start` : `The bed of ${name} is not clear`);
+  };
+  const clear = makeButton("Bed is clear", () => declare("clear"), { class: "main" });
+  const occupied = makeButton("Not clear", () => declare("occupied"));
+  const element = make("div", { class: "bed row" }, text, clear, occupied);
+  return {
+    element,
+    show(printer) {
+      const isFree = printer.job === null;
+      setShown(element, isFree);
+      element.dataset.bed = printer.bed;
+      setText(text, BED_TEXTS[printer.bed]);
+      setShown(clear, printer.bed !== "clear" && allows("control", name));
+      setShown(occupied, printer.bed === "clear" && allows("control", name));
+    },
+  };
+}
+
+/** Return the state of a printer as a word. */
+function describeState(job, status) {
+  if (!job) return "idle";
+  if (!status) return job.state;
+  return STATE_TEXTS[status.state] ?? status.state;
+}
+
+/** Return the progress of a print in percent. */
+function getPercent(status) {
+  return status?.total ? (100 * status.done) / status.total : 0;
+}
+
+/** Return the progress of a print as text. */
+function describeProgress(status) {
+  if (!status) return "starting";
+  if (status.waits_for) return `waiting for ${status.waits_for}`;
+  const parts = [`${getPercent(status).toFixed(0)} %`];
+  if (status.layers) parts.unshift(`Layer ${status.layer} of ${status.layers}`);
+  if (status.speed_percent !== 100) parts.push(`speed ${status.speed_percent} %`);
+  if (status.flow_percent !== 100) parts.push(`flow ${status.flow_percent} %`);
+  if (status.resends) parts.push(`${status.resends} resends`);
+  return parts.join(" · ");
+}
+
+/** Return the first job that waits for a printer as text. */
+function describeNext(name) {
+  const next = known.queue.jobs.find((job) => job.state === "ready" && (!job.printer || job.printer === name));
+  return next ? `First in the queue: ${next.name}` : "No job waits";
+}
+
+/** Return the temperatures of all heaters as text. */
+function describeHeaters(status) {
+  return Object.entries(status?.temperatures ?? {})
+    .map(([heater, [actual, target]]) => `${nameHeater(heater)} ${actual.toFixed(0)} / ${target.toFixed(0)} °C`)
+    .join(" · ");
+}

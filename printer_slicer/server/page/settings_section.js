@@ -1,0 +1,90 @@
+/**
+ * Keys of slicers and people, the appearance of the page, and the end of the session.
+ */
+import { makeAppearanceMenu } from "./appearance.js";
+import { makeButton, makeConfirmedButton, submitWith } from "./buttons.js";
+import { make, makeCheckbox, makeField, makeList, setShown, setText } from "./elements.js";
+import { formatTime } from "./formats.js";
+import { tell, tellError } from "./messages.js";
+import { request } from "./requests.js";
+import { allows, known, stop } from "./status.js";
+
+const SCOPES = {
+  read: "See everything",
+  upload: "Upload files",
+  print: "Change the queue",
+  control: "Control prints and beds",
+  admin: "Create and delete keys",
+};
+const SCOPES_OF_SLICERS = ["read", "upload", "print"];
+
+/** Return the section with the settings. */
+export function makeSettingsSection() {
+  const name = make("span", { class: "grow" });
+  const signOut = makeButton("Sign out", async () => {
+    await request("DELETE", "/v1/session");
+    stop();
+  });
+  const keys = makeKeys();
+  const account = make("div", { class: "card" }, make("h3", {}, "Account"), make("div", { class: "row" }, name, signOut));
+  const view = make("div", { class: "card" }, make("h3", {}, "Appearance"), makeAppearanceMenu());
+  let isLoaded = false;
+  return {
+    title: "Settings",
+    element: make("div", {}, account, view, keys.element),
+    show() {
+      setText(name, `Signed in as ${known.account?.name}`);
+      setShown(keys.element, allows("admin"));
+      if (isLoaded || !allows("admin")) return;
+      isLoaded = true;
+      keys.load().catch(tellError);
+    },
+  };
+}
+
+/** Return the list of keys and the form for a new one. */
+function makeKeys() {
+  const list = make("ul", { class: "plain" });
+  const created = make("output", { class: "key" });
+  const load = async () => showKeys(await request("GET", "/v1/keys"));
+  const showKeys = makeList(list, (key) => key.id, (key) => makeKeyRow(key, load));
+  const showNew = (text) => {
+    const copy = makeButton("Copy", () => navigator.clipboard.writeText(text));
+    created.replaceChildren(make("p", {}, "Copy this key now. It is not shown again."), make("code", { tabIndex: 0 }, text), copy);
+    return load();
+  };
+  const about = "A slicer or a phone needs a key of its own. Delete it, and nobody gets in with it any more.";
+  const element = make("div", { class: "card" }, make("h3", {}, "Keys"), make("p", { class: "hint" }, about), list, makeKeyForm(showNew), created);
+  return { element, load };
+}
+
+/** Return the row of a key. */
+function makeKeyRow(key, load) {
+  const used = make("p", { class: "hint" });
+  const remove = makeConfirmedButton("Delete", "Press again to delete", async () => {
+    await request("DELETE", `/v1/keys/${key.id}`);
+    tell(`The key ${key.name} is deleted`);
+    await load();
+  });
+  const where = key.printer ? ` · only ${key.printer}` : "";
+  const texts = make("div", { class: "grow" }, make("strong", {}, key.name), make("p", {}, key.scopes.join(", ") + where), used);
+  return {
+    element: make("li", { class: "row" }, texts, remove),
+    show: (now) => setText(used, now.used ? `last used ${formatTime(now.used)}` : "never used"),
+  };
+}
+
+/** Return the form that creates a key. */
+function makeKeyForm(showNew) {
+  const name = make("input", { required: true, maxLength: 80, autocomplete: "off" });
+  const boxes = Object.entries(SCOPES).map(([scope, label]) => ({ scope, ...makeCheckbox(label, SCOPES_OF_SLICERS.includes(scope)) }));
+  const scopes = make("fieldset", {}, make("legend", {}, "What it allows"), ...boxes.map((box) => box.element));
+  const form = make("form", {}, makeField("Name of the new key", name), scopes, make("button", { type: "submit" }, "Create key"));
+  submitWith(form, async () => {
+    const wanted = boxes.filter((box) => box.input.checked).map((box) => box.scope);
+    const { text } = await request("POST", "/v1/keys", { name: name.value, scopes: wanted });
+    name.value = "";
+    await showNew(text);
+  });
+  return form;
+}
