@@ -193,8 +193,13 @@ async def _sign_in(request: Request) -> Response:
 
 
 async def _open_link(request: Request) -> Response:
-    """Begin a session with the token of a link, which works once."""
-    return await _begin_session(request, request.query_params.get("token", ""), RedirectResponse("/", 303))
+    """Begin a session with the token of a link, which works once; then the page asks to sign in."""
+    try:
+        return await _begin_session(
+            request, request.query_params.get("token", ""), RedirectResponse("/", 303)
+        )
+    except ProblemError:
+        return RedirectResponse("/", 303)
 
 
 async def _begin_session(request: Request, text: str, response: Response) -> Response:

@@ -73,7 +73,11 @@ def test_a_link_works_once(server: ServerClient, access: AccessStore) -> None:
     token = access.create_link_token()
     assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 303
     server.cookies.clear()
-    assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 401
+    again = server.get("/sign-in", params={"token": token}, follow_redirects=False)
+    assert again.headers["location"] == "/"
+    assert "set-cookie" not in again.headers
+    del server.headers["x-api-key"]
+    assert server.get("/v1/me").status_code == 401
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ function makeJobForm(file) {
     element,
     /** Offer the printers that exist now. */
     showPrinters() {
-      const names = known.queue.printers.map((one) => one.name);
+      const names = (known.queue?.printers ?? []).map((one) => one.name);
       if (printer.dataset.shown === names.join("\n")) return;
       printer.dataset.shown = names.join("\n");
       const choices = names.map((name) => make("option", { value: name }, name));

@@ -2,7 +2,8 @@
  * One printer: what it prints, how warm it is, whether its bed is clear, and its controls.
  */
 import { makeButton } from "./buttons.js";
-import { make, setShown, setText } from "./elements.js";
+import { make, makeList, setShown, setText } from "./elements.js";
+import { findNextJob } from "./explanations.js";
 import { tell } from "./messages.js";
 import { makeConsole, sendCommand } from "./printer_console.js";
 import { makeControls } from "./printer_controls.js";
@@ -70,7 +71,8 @@ function makeParts(name) {
   const bar = make("progress", { max: 100, "aria-label": `Progress of ${name}` });
   const figures = make("p", { class: "figures" });
   const next = make("p", { class: "hint" });
-  const heaters = make("p", { class: "figures" });
+  const heaters = make("ul", { class: "heaters figures" });
+  const showHeaters = makeList(heaters, ([heater]) => heater, makeHeater);
   const work = make("div", {}, title, bar, figures, next);
   const show = (printer, job, status) => {
     const word = describeState(job, status);
@@ -83,7 +85,7 @@ function makeParts(name) {
     bar.value = getPercent(status);
     setText(figures, job ? describeProgress(status) : `${printer.material.toUpperCase()} is loaded`);
     setText(next, describeNext(name));
-    setText(heaters, describeHeaters(status));
+    showHeaters(Object.entries(status?.temperatures ?? {}));
   };
   return { state, message, work, heaters, show };
 }
@@ -137,13 +139,13 @@ function describeProgress(status) {
 
 /** Return the first job that waits for a printer as text. */
 function describeNext(name) {
-  const next = known.queue.jobs.find((job) => job.state === "ready" && (!job.printer || job.printer === name));
-  return next ? `First in the queue: ${next.name}` : "No job waits";
+  const next = findNextJob(name);
+  return next ? `Next: ${next.name}` : "No job waits for this printer";
 }
 
-/** Return the temperatures of all heaters as text. */
-function describeHeaters(status) {
-  return Object.entries(status?.temperatures ?? {})
-    .map(([heater, [actual, target]]) => `${nameHeater(heater)} ${actual.toFixed(0)} / ${target.toFixed(0)} °C`)
-    .join(" · ");
+/** Return the temperature of a heater, which has the colour of its line in the chart. */
+function makeHeater([heater]) {
+  const element = make("li", {});
+  const show = ([, [actual, target]]) => setText(element, `${nameHeater(heater)} ${actual.toFixed(0)} / ${target.toFixed(0)} °C`);
+  return { element, show };
 }

@@ -2,6 +2,7 @@
  * All printers.
  */
 import { make, makeList, setShown } from "./elements.js";
+import { updateExplanations } from "./explanations.js";
 import { makePrinterCard } from "./printer_card.js";
 import { known } from "./status.js";
 
@@ -17,6 +18,7 @@ export function makePrintersSection() {
       if (!known.queue) return;
       setShown(empty, known.queue.printers.length === 0);
       showPrinters(known.queue.printers);
+      updateExplanations(() => showPrinters(known.queue.printers));
     },
   };
 }

@@ -3,6 +3,7 @@
  */
 import { makeButton, makeConfirmedButton } from "./buttons.js";
 import { make, makeList, setShown, setText } from "./elements.js";
+import { findExplanation, updateExplanations } from "./explanations.js";
 import { tell } from "./messages.js";
 import { request } from "./requests.js";
 import { allows, known } from "./status.js";
@@ -13,16 +14,7 @@ const WAITING = ["ready", "held"];
 export function makeQueueSection() {
   const list = make("ol", { class: "plain" });
   const empty = make("p", { hidden: true }, "No job waits. Upload G-code under Files, and press Print.");
-  const explanations = new Map();
-  const showJobs = makeList(list, (job) => job.id, (job) => makeJobRow(job, explanations));
-  let revision = -1;
-
-  const explain = async () => {
-    const answers = await request("GET", "/v1/explanations");
-    explanations.clear();
-    for (const one of answers) explanations.set(one.job.id, one);
-    showJobs(known.queue?.jobs ?? []);
-  };
+  const showJobs = makeList(list, (job) => job.id, makeJobRow);
   return {
     title: "Queue",
     element: make("div", {}, list, empty),
@@ -30,15 +22,13 @@ export function makeQueueSection() {
       if (!known.queue) return;
       setShown(empty, known.queue.jobs.length === 0);
       showJobs(known.queue.jobs);
-      if (revision === known.queue.revision) return;
-      revision = known.queue.revision;
-      explain().catch(() => (revision = -1));
+      updateExplanations(() => showJobs(known.queue.jobs));
     },
   };
 }
 
 /** Return the row of a job. */
-function makeJobRow({ id, name }, explanations) {
+function makeJobRow({ id, name }) {
   const path = `/v1/jobs/${id}`;
   const state = make("span", { class: "badge" });
   const reason = make("p", { class: "hint" });
@@ -58,7 +48,7 @@ function makeJobRow({ id, name }, explanations) {
     element: make("li", { class: "card" }, head, reason, details, buttons),
     show(job) {
       const isWaiting = WAITING.includes(job.state);
-      const explanation = explanations.get(id);
+      const explanation = findExplanation(id);
       setText(state, job.state);
       state.dataset.state = job.state;
       setText(reason, describeJob(job, isWaiting && explanation?.summary));

@@ -7,6 +7,7 @@ import { HISTORY_LENGTH, getTemperatures, nameHeater } from "./temperature_histo
 const HEIGHT = 120; // px
 const LEFT = 34; // px for the figures at the side
 const BELOW = 18; // px for the times
+const LENGTHS = [6, 15, HISTORY_LENGTH / 60]; // min
 const GAP = 15; // s without a sample, after which the line is interrupted
 
 /**
@@ -43,11 +44,12 @@ function draw(canvas, samples) {
   const { width, context } = prepare(canvas);
   const colours = getComputedStyle(canvas);
   const end = samples.at(-1)?.time ?? 0;
+  const minutes = LENGTHS.find((one) => end - (samples[0]?.time ?? end) <= 60 * one) ?? LENGTHS.at(-1);
   const all = samples.flatMap((sample) => Object.values(sample.temperatures).flat());
   const top = Math.max(50, Math.ceil(Math.max(...all, 0) / 50) * 50);
-  const placeX = (time) => LEFT + (width - LEFT) * (1 - (end - time) / HISTORY_LENGTH);
+  const placeX = (time) => LEFT + (width - LEFT) * (1 - (end - time) / (60 * minutes));
   const placeY = (value) => 6 + (HEIGHT - BELOW - 6) * (1 - value / top);
-  drawGrid(context, colours, { width, top, placeX, placeY, end });
+  drawGrid(context, colours, { width, top, minutes, placeY });
   const heaters = Object.keys(samples.at(-1)?.temperatures ?? {});
   heaters.forEach((heater, number) => {
     context.strokeStyle = colours.getPropertyValue(`--heater-${(number % 3) + 1}`);
@@ -71,7 +73,7 @@ function prepare(canvas) {
 }
 
 /** Draw horizontal lines with their temperatures, and the times below. */
-function drawGrid(context, colours, { width, top, placeX, placeY, end }) {
+function drawGrid(context, colours, { width, top, minutes, placeY }) {
   context.font = `12px ${colours.fontFamily}`;
   context.fillStyle = colours.getPropertyValue("--muted");
   context.strokeStyle = colours.getPropertyValue("--faint");
@@ -84,9 +86,10 @@ function drawGrid(context, colours, { width, top, placeX, placeY, end }) {
     context.textAlign = "right";
     context.fillText(`${value}°`, LEFT - 4, placeY(value) + 4);
   }
-  for (const minutes of [30, 20, 10, 0]) {
-    context.textAlign = { 30: "left", 0: "right" }[minutes] ?? "center";
-    context.fillText(minutes ? `−${minutes} min` : "now", placeX(end - minutes * 60), HEIGHT - 3);
+  for (const third of [0, 1, 2, 3]) {
+    context.textAlign = third % 3 ? "center" : ["left", "right"][third / 3];
+    const text = third < 3 ? `−${minutes - (third * minutes) / 3} min` : "now";
+    context.fillText(text, LEFT + ((width - LEFT) * third) / 3, HEIGHT - 3);
   }
 }
 
