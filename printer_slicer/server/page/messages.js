@@ -4,23 +4,22 @@
 import { make, setShown, setText } from "./elements.js";
 
 const SHOWN_FOR = 8000; // ms
+const MOST = 3;
 
-const polite = make("p", { class: "message", role: "status", hidden: true });
+const polite = make("div", { role: "status" });
 const urgent = make("p", { class: "message error", role: "alert" });
 const close = make("button", { type: "button", onclick: () => setShown(urgentRow, false) }, "Close");
 const urgentRow = make("div", { class: "message-row", hidden: true }, urgent, close);
-let timer = 0;
 
 /** The place of the messages on the page. */
 export const messages = make("div", { class: "messages" }, polite, urgentRow);
 
 /** Tell the user something for some seconds. @param {string} text */
 export function tell(text) {
-  clearTimeout(timer);
-  setShown(polite, true);
-  setText(polite, text);
-  setShown(urgentRow, false);
-  timer = setTimeout(() => setShown(polite, false), SHOWN_FOR);
+  const message = make("p", { class: "message" }, text);
+  polite.append(message);
+  if (polite.children.length > MOST) polite.firstElementChild.remove();
+  setTimeout(() => message.remove(), SHOWN_FOR);
 }
 
 /** Tell the user an error until it is closed. @param {unknown} error */

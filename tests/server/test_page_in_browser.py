@@ -1,0 +1,313 @@
+"""The page in a real browser with a real server and simulated printers: narrow and wide, light and dark, by keyboard."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from socket import socket
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium-headless-shell", "chromium", "chromium-browser"))), None
+)
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed"),
+    pytest.mark.xdist_group("server page"),
+]
+PRINTERS = """
+[narrow]
+port = "sim:"
+profile = "marlin_220"
+speed = 20
+
+[wide]
+port = "sim:"
+profile = "marlin_220"
+speed = 20
+
+[keyboard]
+port = "sim:"
+profile = "marlin_220"
+speed = 20
+"""
+NAME = "<img src=x onerror=document.title=1>.gcode"
+SAID = "<b onclick=document.title=1>hello"
+HEIGHT_OF_TARGET = 44  # px
+SIZES = [((360, 640), "light"), ((360, 640), "dark"), ((1280, 800), "light"), ((1280, 800), "dark")]
+SECTIONS = ("Printers", "Queue", "Files", "History", "Settings")
+
+CONTRAST = """() => {
+    const parse = (text) => text.match(/[\\d.]+/g).map(Number);
+    const light = ([r, g, b]) => [r, g, b]
+        .map((value) => value / 255)
+        .map((value) => (value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4))
+        .reduce((sum, value, index) => sum + value * [0.2126, 0.7152, 0.0722][index], 0);
+    const findGround = (one) => {
+        for (let parent = one; parent; parent = parent.parentElement) {
+            const colour = parse(getComputedStyle(parent).backgroundColor);
+            if (colour.length < 4 || colour[3] > 0) return colour;
+        }
+        return [255, 255, 255];
+    };
+    return [...document.querySelectorAll("body *")]
+        .filter((one) => one.checkVisibility() && !one.closest(".unseen"))
+        .filter((one) => [...one.childNodes].some((child) => child.nodeType === 3 && child.data.trim()))
+        .map((one) => [one.textContent, light(parse(getComputedStyle(one).color)), light(findGround(one))])
+        .filter(([, ink, ground]) => (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05) < 4.5);
+}"""
+SMALL = """(least) => [...document.querySelectorAll("button, a, .button, select, summary, label.choice, input:not(.choice *)")]
+    .filter((one) => one.checkVisibility())
+    .filter((one) => {
+        const { height, width, right } = one.getBoundingClientRect();
+        return height < least || width < least || right > innerWidth;
+    })
+    .map((one) => one.outerHTML)"""
+UNNAMED = "() => [...document.querySelectorAll('input, select')].filter((one) => !one.labels.length).length"
+FOCUS = """() => {
+    const one = document.activeElement;
+    const shown = one.matches(".unseen") ? one.parentElement : one;
+    const all = [...document.querySelectorAll("*")];
+    return [all.indexOf(one), one.textContent, getComputedStyle(shown).outlineStyle];
+}"""
+DROP = """([text, name]) => {
+    const data = new DataTransfer();
+    data.items.add(new File([text], name));
+    document.querySelector(".drop").dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
+}"""
+
+
+def make_gcode(said: str) -> str:
+    """A print of two minutes on a real printer, which makes the printer say a text."""
+    lines = ["G28", "M109 S200", f"M118 {said}"]
+    for layer in range(20):
+        lines += [";LAYER_CHANGE", f"G1 Z{0.2 * (layer + 1):.1f} F600"]
+        lines += [f"G1 X{x} Y60 E0.1 F1200" for x in (60, 120, 60, 120, 60, 120)]
+    return "\n".join([*lines, "M104 S0", ""])
+
+
+class RunningServer:
+    """A server in its own process.
+
+    Attributes:
+        link: signs in once.
+        key: allows everything.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        (folder / "printers.toml").write_text(PRINTERS)
+        self._folder = folder
+        with socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"http://127.0.0.1:{free.getsockname()[1]}"
+        self.key = re.findall(r"ps_\w{8}_[\w-]+", self._call("--new-key", "tests", "--scopes", "all"))[0]
+        self.process, self.link = self.start()
+
+    def start(self) -> tuple[subprocess.Popen[str], str]:
+        """Start the server, and return its process and the link."""
+        process = subprocess.Popen(
+            [*self._command, "--listen", self.address.rsplit(":", 1)[1]],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env=self._environment,
+            text=True,
+        )
+        assert process.stdout is not None
+        found = next(filter(None, (re.search(r"http\S+token=[\w-]+", line) for line in process.stdout)))
+        return process, found[0]
+
+    def stop(self) -> None:
+        """End the server."""
+        self.process.terminate()
+        self.process.wait(20)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    @property
+    def _command(self) -> list[str]:
+        printers = str(self._folder / "printers.toml")
+        return [sys.executable, "-m", "printer_slicer", "serve", "--printers-file", printers]
+
+    @property
+    def _environment(self) -> dict[str, str]:
+        import os  # noqa: PLC0415
+
+        return {**os.environ, "PRINTER_SLICER_STATE": str(self._folder / "s"), "PYTHONUNBUFFERED": "1"}
+
+    def _call(self, *options: str) -> str:
+        return subprocess.run(
+            [*self._command, *options], check=True, capture_output=True, text=True, env=self._environment
+        ).stdout
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningServer]:
+    server = RunningServer(tmp_path_factory.mktemp("page"))
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser: Browser, running: RunningServer, request: pytest.FixtureRequest) -> Iterator[Page]:
+    """The page, signed in with a key; afterwards, it has made no errors and asked no other host."""
+    size, scheme = getattr(request, "param", SIZES[2])
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
+    page = context.new_page()
+    page.set_default_timeout(15_000)
+    wrong: list[str] = []
+    asked: list[str] = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda message: wrong.append(message.text))
+    page.on("request", lambda one: asked.append(one.url))
+    page.goto(running.address)
+    page.get_by_label("Key", exact=True).fill(running.key)
+    page.get_by_role("button", name="Sign in").click()
+    page.get_by_role("heading", name="narrow").wait_for()
+    yield page
+    assert [one for one in wrong if "401" not in one and "ERR_CONNECTION" not in one] == []
+    assert {one for one in asked if not one.startswith((running.address, "data:"))} == set()
+    assert page.locator("img, b").count() == 0
+    assert page.title() != "1"
+    context.close()
+
+
+def open_section(page: Page, name: str) -> None:
+    page.get_by_role("link", name=name).click()
+    page.get_by_role("heading", name=name, level=2).wait_for()
+
+
+def test_the_link_signs_in_with_few_requests(browser: Browser, running: RunningServer) -> None:
+    context = browser.new_context()
+    page = context.new_page()
+    asked: list[str] = []
+    page.on("request", lambda one: asked.append(one.url))
+    page.on("websocket", lambda one: asked.append(one.url))
+    page.goto(running.link)
+    page.get_by_role("heading", name="narrow").wait_for()
+    page.wait_for_timeout(500)
+    assert len(asked) <= 8, asked
+    open_section(page, "Settings")
+    page.get_by_role("button", name="Sign out").click()
+    page.get_by_label("Key", exact=True).wait_for()
+    page.goto(running.link)
+    page.get_by_label("Key", exact=True).wait_for()
+    context.close()
+
+
+@pytest.mark.parametrize("page", SIZES, indirect=True)
+@pytest.mark.parametrize("section", SECTIONS)
+def test_everything_fits_and_can_be_read_and_touched(page: Page, section: str) -> None:
+    open_section(page, section)
+    page.wait_for_timeout(300)
+    for summary in page.locator("summary").all():
+        if summary.is_visible():
+            summary.click()
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.evaluate(SMALL, HEIGHT_OF_TARGET) == []
+    assert page.evaluate(UNNAMED) == 0
+    assert page.evaluate(CONTRAST) == []
+
+
+@pytest.mark.parametrize(
+    ("page", "printer"), [(SIZES[0], "narrow"), (SIZES[3], "wide")], indirect=["page"], ids=["360", "1280"]
+)
+def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: str) -> None:
+    name = f"{printer} {NAME}"
+    open_section(page, "Files")
+    page.evaluate(DROP, [make_gcode(f"{SAID} {printer}"), name])
+    row = page.locator("li.card", has_text=name).first
+    row.locator("summary").click()
+    row.get_by_label("Printer").select_option(printer)
+    row.get_by_role("button", name="Print").click()
+    page.get_by_role("status").filter(has_text="is in the queue").wait_for()
+    open_section(page, "Queue")
+    job = page.locator("li.card", has_text=name)
+    job.locator("summary").click()
+    job.get_by_text(f"{printer}: its bed may be occupied").wait_for()
+
+    open_section(page, "Printers")
+    card = page.locator("li.card", has=page.get_by_role("heading", name=printer))
+    card.get_by_role("button", name="Bed is clear").click()
+    card.get_by_text(name).first.wait_for()
+    card.get_by_text("printing", exact=True).wait_for()
+    card.get_by_text(re.compile("^Layer [1-9]")).wait_for()
+    card.locator("summary", has_text="Console").click()
+    card.locator(".lines").get_by_text(SAID).first.wait_for()
+    card.get_by_label("Command").fill("speed 90")
+    card.get_by_role("button", name="Send").click()
+    card.get_by_text(re.compile("speed 90 %")).wait_for()
+    assert page.get_by_role("button", name=f"Emergency stop: {printer}").is_visible()
+
+    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
+    cancel.click()
+    cancel.filter(has_text="Press again").click()
+    card.get_by_text("Prints nothing").wait_for()
+    card.get_by_role("button", name="Bed is clear").wait_for()
+    open_section(page, "History")
+    page.locator("li.card", has_text=name).get_by_text("cancelled").first.wait_for()
+
+
+def test_keys_alone_reach_everything_in_reading_order(page: Page) -> None:
+    seen = list[list[Any]]()
+    page.evaluate("document.activeElement.blur()")
+    for _ in range(8):
+        page.keyboard.press("Tab")
+        seen.append(page.evaluate(FOCUS))
+    places = [place for place, _, _ in seen]
+    assert places == sorted(places)
+    assert [text for _, text, _ in seen[:5]] == list(SECTIONS)
+    assert {outline for _, _, outline in seen} == {"solid"}
+    assert seen[5][1] in {"Bed is clear", "Not clear"}
+    card = page.locator("li.card", has=page.get_by_role("heading", name="keyboard"))
+    while (
+        page.evaluate("document.activeElement.closest('.card')?.querySelector('h3').textContent")
+        != "keyboard"
+    ):
+        page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    card.get_by_role("button", name="Not clear").wait_for()
+    page.get_by_role("link", name="Settings").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Tab")
+    page.keyboard.press("d")
+    assert page.evaluate("document.documentElement.dataset.scheme") == "dark"
+    assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 28)"
+
+
+def test_a_key_is_shown_once_and_deleted_with_a_second_press(page: Page) -> None:
+    open_section(page, "Settings")
+    page.get_by_label("Name of the new key").fill(NAME)
+    page.get_by_role("button", name="Create key").click()
+    assert page.locator("code").inner_text().startswith("ps_")
+    row = page.locator("li", has_text=NAME)
+    row.get_by_role("button").click()
+    row.get_by_role("button", name="Press again").click()
+    row.wait_for(state="detached")
+    page.reload()
+    page.get_by_role("heading", name="Keys").wait_for()
+    assert page.locator("code").count() == 0
+
+
+def test_without_the_server_the_page_says_how_old_its_figures_are(page: Page, running: RunningServer) -> None:
+    running.stop()
+    page.get_by_text(re.compile(r"^Not connected\. Figures are from \d\d:\d\d\.$")).wait_for()
+    running.process, running.link = running.start()
+    page.locator(".connection").wait_for(state="hidden")
