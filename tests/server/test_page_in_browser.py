@@ -1,7 +1,8 @@
-"""The page in a real browser with a real server and simulated printers: narrow and wide, light and dark, by keyboard."""
+"""The page in a real browser, with a real server and simulated printers."""
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -9,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from socket import socket
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
@@ -43,7 +44,12 @@ speed = 20
 NAME = "<img src=x onerror=document.title=1>.gcode"
 SAID = "<b onclick=document.title=1>hello"
 HEIGHT_OF_TARGET = 44  # px
-SIZES = [((360, 640), "light"), ((360, 640), "dark"), ((1280, 800), "light"), ((1280, 800), "dark")]
+SIZES: list[tuple[tuple[int, int], Literal["light", "dark"]]] = [
+    ((360, 640), "light"),
+    ((360, 640), "dark"),
+    ((1280, 800), "light"),
+    ((1280, 800), "dark"),
+]
 SECTIONS = ("Printers", "Queue", "Files", "History", "Settings")
 
 CONTRAST = """() => {
@@ -65,7 +71,7 @@ CONTRAST = """() => {
         .map((one) => [one.textContent, light(parse(getComputedStyle(one).color)), light(findGround(one))])
         .filter(([, ink, ground]) => (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05) < 4.5);
 }"""
-SMALL = """(least) => [...document.querySelectorAll("button, a, .button, select, summary, label.choice, input:not(.choice *)")]
+SMALL = """(least) => [...document.querySelectorAll("button, a, .button, select, summary, .choice, .field input")]
     .filter((one) => one.checkVisibility())
     .filter((one) => {
         const { height, width, right } = one.getBoundingClientRect();
@@ -128,7 +134,7 @@ class RunningServer:
     def stop(self) -> None:
         """End the server."""
         self.process.terminate()
-        self.process.wait(20)
+        self.process.wait()
         if self.process.stdout is not None:
             self.process.stdout.close()
 
@@ -139,8 +145,6 @@ class RunningServer:
 
     @property
     def _environment(self) -> dict[str, str]:
-        import os  # noqa: PLC0415
-
         return {**os.environ, "PRINTER_SLICER_STATE": str(self._folder / "s"), "PYTHONUNBUFFERED": "1"}
 
     def _call(self, *options: str) -> str:
@@ -167,7 +171,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture
 def page(browser: Browser, running: RunningServer, request: pytest.FixtureRequest) -> Iterator[Page]:
     """The page, signed in with a key; afterwards, it has made no errors and asked no other host."""
-    size, scheme = getattr(request, "param", SIZES[2])
+    size, scheme = getattr(request, "param", None) or SIZES[2]
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
     page = context.new_page()
     page.set_default_timeout(15_000)

@@ -69,6 +69,7 @@ function makeDial({ word, label, min, max, step }, send) {
     /** Show the present value, unless the user has typed another one. */
     show(status) {
       const value = readValue(status);
+      if (value !== undefined && input.value === String(Math.round(value))) shown = input.value;
       const isTyped = input.value !== shown || document.activeElement === input;
       if (value === undefined || isTyped) return;
       shown = String(Math.round(value));

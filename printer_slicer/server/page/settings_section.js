@@ -50,6 +50,7 @@ function makeKeys() {
   const showKeys = makeList(list, (key) => key.id, (key) => makeKeyRow(key, load));
   const showNew = (text) => {
     const copy = makeButton("Copy", () => navigator.clipboard.writeText(text));
+    setShown(copy, "clipboard" in navigator); // browsers have it with https and on the computer of the server only
     created.replaceChildren(make("p", {}, "Copy this key now. It is not shown again."), make("code", { tabIndex: 0 }, text), copy);
     return load();
   };
@@ -67,11 +68,18 @@ function makeKeyRow(key, load) {
     await load();
   });
   const where = key.printer ? ` · only ${key.printer}` : "";
-  const texts = make("div", { class: "grow" }, make("strong", {}, key.name), make("p", {}, key.scopes.join(", ") + where), used);
+  const texts = make("div", { class: "grow" }, make("strong", {}, key.name), make("p", {}, listScopes(key) + where), used);
   return {
     element: make("li", { class: "row" }, texts, remove),
     show: (now) => setText(used, now.used ? `last used ${formatTime(now.used)}` : "never used"),
   };
+}
+
+/** Return what a key allows as text. */
+function listScopes(key) {
+  return Object.keys(SCOPES)
+    .filter((scope) => key.scopes.includes(scope))
+    .join(", ");
 }
 
 /** Return the form that creates a key. */
