@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.print_queue import (
@@ -17,134 +17,75 @@ from printer_slicer.print_queue import (
 )
 from printer_slicer.print_queue.records import WAITING_STATES
 from printer_slicer.printing.control_socket import send_control_command
-from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
-from printer_slicer.server.operations import Call, Operation
+from printer_slicer.server.access import ApiKey
+from printer_slicer.server.bodies import (
+    Account,
+    BedBody,
+    CommandBody,
+    JobBody,
+    JobDetails,
+    KeyBody,
+    MaterialBody,
+    MoveBody,
+    NewKey,
+)
+from printer_slicer.server.operations import CheckedRequest, Operation
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.slicing import SliceTask
-from printer_slicer.values import Struct
 
-__all__ = ["OPERATIONS"]
+__all__ = ["OPERATIONS", "send_to_print"]
 
 _MAX_EXPLANATIONS: Final = 50
 _MAX_FILES: Final = 200
 
 
-class JobBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """A file to print; the other fields are those of `JobRequest`."""
-
-    file: str
-    name: str = ""
-    printer: str = ""
-    material: str = ""
-    allow: tuple[str, ...] = ()
-    held: bool = False
-    first: bool = False
-    copies: int = 1
-
-
-class MoveBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """Before which job a job is moved; None: to the end."""
-
-    before: int | None = None
-
-
-class BedBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """The state of a bed, as a person sees it."""
-
-    bed: Literal["clear", "occupied", "unknown"]
-
-
-class MaterialBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """The name of the material that is loaded."""
-
-    material: str
-
-
-class CommandBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """A command to a running print, in the words of `printer-slicer control`."""
-
-    command: str
-
-
-class KeyBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """A key to create."""
-
-    name: str
-    scopes: frozenset[Permission] = SLICER_SCOPES
-    printer: str = ""
-
-
-class NewKey(Struct, frozen=True):
-    """A new key with its text, which is shown only once."""
-
-    key: ApiKey
-    text: str
-
-
-class Account(Struct, frozen=True):
-    """Who sent the request, and what is allowed."""
-
-    name: str
-    scopes: tuple[Permission, ...]
-    printer: str
-
-
-class JobDetails(Struct, frozen=True):
-    """A job with its file and its runs."""
-
-    job: QueuedJob
-    file: QueuedFile
-    facts: FileFacts | None
-    runs: tuple[PrintRun, ...]
-
-
-def _get_account(call: Call) -> Account:
+def _get_account(call: CheckedRequest) -> Account:
     return Account(call.access.name, tuple(sorted(call.access.scopes)), call.access.printer)
 
 
-def _list_keys(call: Call) -> tuple[ApiKey, ...]:
+def _list_keys(call: CheckedRequest) -> tuple[ApiKey, ...]:
     return call.services.access.list_keys()
 
 
-def _create_key(call: Call) -> NewKey:
+def _create_key(call: CheckedRequest) -> NewKey:
     body: KeyBody = call.body
     return NewKey(*call.services.access.create_key(body.name, body.scopes, body.printer))
 
 
-def _delete_key(call: Call) -> None:
+def _delete_key(call: CheckedRequest) -> None:
     call.services.access.delete_key(call.path["key"])
 
 
-def _end_session(call: Call) -> None:
+def _end_session(call: CheckedRequest) -> None:
     call.services.access.end_session(call.access.session)
 
 
-def _get_queue(call: Call) -> QueueSnapshot:
+def _get_queue(call: CheckedRequest) -> QueueSnapshot:
     return call.services.queue.snapshot()
 
 
-def _explain_queue(call: Call) -> tuple[Explanation, ...]:
+def _explain_queue(call: CheckedRequest) -> tuple[Explanation, ...]:
     queue = call.services.queue
     waiting = [job.id for job in queue.snapshot().jobs if job.state in WAITING_STATES]
     return tuple(explain_job(queue, job) for job in waiting[:_MAX_EXPLANATIONS])
 
 
-def _list_history(call: Call) -> tuple[tuple[QueuedJob, PrintRun | None], ...]:
+def _list_history(call: CheckedRequest) -> tuple[tuple[QueuedJob, PrintRun | None], ...]:
     queue = call.services.queue
     return tuple((job, next(reversed(queue.list_runs(job.id)), None)) for job in queue.list_ended_jobs())
 
 
-def _list_files(call: Call) -> tuple[tuple[QueuedFile, FileFacts | None], ...]:
+def _list_files(call: CheckedRequest) -> tuple[tuple[QueuedFile, FileFacts | None], ...]:
     queue = call.services.queue
     return tuple((file, queue.read_facts(file.id)) for file in queue.list_files(_MAX_FILES))
 
 
-def _get_file(call: Call) -> tuple[QueuedFile, FileFacts]:
+def _get_file(call: CheckedRequest) -> tuple[QueuedFile, FileFacts]:
     file = call.services.queue.find_file(call.path["file"])
     return file, call.services.reader.read(file.id)
 
 
-def _add_jobs(call: Call) -> tuple[QueuedJob, ...]:
+def _add_jobs(call: CheckedRequest) -> tuple[QueuedJob, ...]:
     body: JobBody = call.body
     call.require("print", body.printer)
     call.services.reader.read(body.file)
@@ -160,72 +101,72 @@ def _add_jobs(call: Call) -> tuple[QueuedJob, ...]:
     return call.services.queue.add_jobs(body.file, request)
 
 
-def _list_slices(call: Call) -> tuple[SliceTask, ...]:
+def _list_slices(call: CheckedRequest) -> tuple[SliceTask, ...]:
     return call.services.slicer.list_tasks()
 
 
-def _get_slice(call: Call) -> SliceTask:
+def _get_slice(call: CheckedRequest) -> SliceTask:
     return call.services.slicer.find(call.path["task"])
 
 
-def _cancel_slice(call: Call) -> SliceTask:
+def _cancel_slice(call: CheckedRequest) -> SliceTask:
     return call.services.slicer.cancel(call.path["task"])
 
 
-def _get_job(call: Call) -> JobDetails:
+def _get_job(call: CheckedRequest) -> JobDetails:
     queue = call.services.queue
     job = queue.find_job(call.path["job"])
     return JobDetails(job, queue.find_file(job.file), queue.read_facts(job.file), queue.list_runs(job.id))
 
 
-def _explain_job(call: Call) -> Explanation:
+def _explain_job(call: CheckedRequest) -> Explanation:
     return explain_job(call.services.queue, call.path["job"])
 
 
-def _find_own_job(call: Call) -> QueuedJob:
+def _find_own_job(call: CheckedRequest) -> QueuedJob:
     """Return the job in the path, which the sender may change."""
     job = call.services.queue.find_job(call.path["job"])
     call.require("print", job.printer)
     return job
 
 
-def _move_job(call: Call) -> QueueSnapshot:
+def _move_job(call: CheckedRequest) -> QueueSnapshot:
     job = _find_own_job(call)
     call.services.queue.move_job(job.id, call.body.before)
     return call.services.queue.snapshot()
 
 
-def _hold_job(call: Call) -> QueuedJob:
+def _hold_job(call: CheckedRequest) -> QueuedJob:
     job = _find_own_job(call)
     call.services.queue.hold_job(job.id)
     return call.services.queue.find_job(job.id)
 
 
-def _release_job(call: Call) -> QueuedJob:
+def _release_job(call: CheckedRequest) -> QueuedJob:
     job = _find_own_job(call)
     call.services.queue.release_job(job.id)
     return call.services.queue.find_job(job.id)
 
 
-def _cancel_job(call: Call) -> QueuedJob:
+def _cancel_job(call: CheckedRequest) -> QueuedJob:
     return call.services.queue.cancel_job(_find_own_job(call).id)
 
 
-def _set_bed(call: Call) -> QueueSnapshot:
+def _set_bed(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
     call.require("control", printer)
     call.services.queue.set_bed(printer, call.body.bed)
     return call.services.queue.snapshot()
 
 
-def _set_material(call: Call) -> QueueSnapshot:
+def _set_material(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
     call.require("control", printer)
     call.services.queue.set_material(printer, call.body.material)
     return call.services.queue.snapshot()
 
 
-def send_to_print(call: Call, printer: str, command: str) -> dict[str, Any]:
+def send_to_print(call: CheckedRequest, printer: str, command: str) -> dict[str, Any]:
     """Send a command to the print that runs on a printer, and return its answer.
 
     Raises:
@@ -243,7 +184,7 @@ def send_to_print(call: Call, printer: str, command: str) -> dict[str, Any]:
     return answer
 
 
-def _command_print(call: Call) -> dict[str, Any]:
+def _command_print(call: CheckedRequest) -> dict[str, Any]:
     printer = call.path["printer"]
     call.require("control", printer)
     return send_to_print(call, printer, call.body.command)

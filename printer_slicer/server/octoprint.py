@@ -15,11 +15,11 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from printer_slicer import __version__
 from printer_slicer.print_queue import PrintQueue, QueuedFile
 from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.targets import QUEUED, Target, find_target, queue_job, receive_file
+from printer_slicer.version import VERSION
 
 __all__ = ["OCTOPRINT_ROUTES"]
 
@@ -30,7 +30,7 @@ _COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
 async def _get_version(request: Request) -> Response:
     """Answer with the version of the interface."""
     await run_in_threadpool(find_access, request, request.app.state.services)
-    text = f"OctoPrint {_VERSION} (printer-slicer {__version__})"
+    text = f"OctoPrint {_VERSION} (printer-slicer {VERSION})"
     return JSONResponse({"api": "0.1", "server": _VERSION, "text": text})
 
 

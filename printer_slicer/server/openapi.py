@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from printer_slicer import __version__
 from printer_slicer.server.json_values import describe_types
 from printer_slicer.server.operations import Operation
+from printer_slicer.version import VERSION
 
 __all__ = ["describe_interface"]
 
@@ -28,7 +28,7 @@ def describe_interface(operations: Sequence[Operation]) -> dict[str, Any]:
     }
     return {
         "openapi": "3.1.0",
-        "info": {"title": "printer-slicer", "version": __version__},
+        "info": {"title": "printer-slicer", "version": VERSION},
         "paths": paths,
         "components": {"schemas": components, "securitySchemes": keys},
         "security": [{"key": []}, {"bearer": []}],

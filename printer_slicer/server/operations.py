@@ -17,13 +17,20 @@ from printer_slicer.server.problems import Problem, ProblemError, describe_error
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
-__all__ = ["Call", "Operation", "find_access", "make_problem_error", "run_operation"]
+__all__ = [
+    "SESSION_COOKIE",
+    "CheckedRequest",
+    "Operation",
+    "find_access",
+    "make_problem_error",
+    "run_operation",
+]
 
 _MAX_BODY: int = 64 * 1024
 SESSION_COOKIE = "printer_slicer_session"
 
 
-class Call(Struct, frozen=True):
+class CheckedRequest(Struct, frozen=True):
     """A request that was checked.
 
     Attributes:
@@ -70,7 +77,7 @@ class Operation(Struct, frozen=True):
     path: str
     permission: Permission
     summary: str
-    run: Callable[[Call], Any]
+    run: Callable[[CheckedRequest], Any]
     body: type | None = None
     result: Any = None
 
@@ -113,7 +120,7 @@ def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Respo
     services: Services = request.app.state.services
     access = find_access(request, services)
     body = None if operation.body is None else _decode_body(data, operation.body)
-    call = Call(services, access, request.path_params, dict(request.query_params), body)
+    call = CheckedRequest(services, access, request.path_params, dict(request.query_params), body)
     call.require(operation.permission)
     try:
         result = operation.run(call)

@@ -9,7 +9,7 @@ from starlette.requests import Request
 
 from printer_slicer.print_queue import JobRequest, PrinterState, QueuedFile
 from printer_slicer.server.access import Access
-from printer_slicer.server.operations import Call, find_access
+from printer_slicer.server.operations import CheckedRequest, find_access
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
@@ -31,9 +31,9 @@ class Target(Struct, frozen=True):
     status: dict[str, Any]
 
     @property
-    def call(self) -> Call:
+    def call(self) -> CheckedRequest:
         """The request without parameters."""
-        return Call(self.services, self.access, {}, {})
+        return CheckedRequest(self.services, self.access, {}, {})
 
 
 def find_target(request: Request) -> Target:

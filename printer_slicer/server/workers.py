@@ -1,6 +1,7 @@
 """Read uploaded files in processes of their own, with limits of time and memory, so that no file can stop the server.
 
-The process is `python -m printer_slicer.server.workers facts|page PATH NAME`; it writes the facts as JSON, or the page.
+The process is `python -m printer_slicer.server.workers facts|page PATH NAME OUTPUT`; it writes the facts as
+JSON, or the page, to a file.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import sys
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import BoundedSemaphore
 from typing import Final
 
@@ -84,21 +86,23 @@ def _read_facts(path: Path, name: str) -> FileFacts:
 
 def _run_process(what: str, path: Path, name: str) -> tuple[bytes, str]:
     """Read a file in another process; return what it wrote, and why it failed."""
-    command = [sys.executable, "-m", __name__, what, str(path), name]
+    with TemporaryDirectory() as folder:
+        output = Path(folder) / "result"
+        command = [sys.executable, "-m", __name__, what, str(path), name, str(output)]
+        problem = _wait_for(command)
+        return (b"", problem) if problem else (output.read_bytes(), "")
+
+
+def _wait_for(command: list[str]) -> str:
+    """Run a command without input and output; return why it failed."""
+    nothing = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     try:
-        done = subprocess.run(  # noqa: S603 - no shell, and the process reads its arguments as they are
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=2 * _MAX_SECONDS,
-            check=True,
-        )
+        subprocess.run(command, timeout=2 * _MAX_SECONDS, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
     except subprocess.TimeoutExpired:
-        return b"", f"reading the file took over {2 * _MAX_SECONDS} s"
+        return f"reading the file took over {2 * _MAX_SECONDS} s"
     except subprocess.CalledProcessError:
-        return b"", "the file cannot be read within the limits of time and memory"
-    return done.stdout, ""
+        return "the file cannot be read within the limits of time and memory"
+    return ""
 
 
 def _make_page(path: Path, name: str) -> bytes:
@@ -126,7 +130,9 @@ def limit_process() -> None:
 
 if __name__ == "__main__":
     limit_process()
-    if sys.argv[1] == "page":
-        sys.stdout.buffer.write(_make_page(Path(sys.argv[2]), sys.argv[3]))
+    _, wanted, source, shown_name, target = sys.argv
+    if wanted == "page":
+        content = _make_page(Path(source), shown_name)
     else:
-        sys.stdout.write(format_facts(read_file_facts(Path(sys.argv[2]), sys.argv[3])))
+        content = format_facts(read_file_facts(Path(source), shown_name)).encode()
+    Path(target).write_bytes(content)
