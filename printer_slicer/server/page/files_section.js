@@ -40,10 +40,17 @@ function makeFileRow([file]) {
   const figures = make("p", { class: "hint" });
   const facts = make("p", {});
   const form = makeJobForm(file);
+  const address = `/v1/files/${file.id}`;
+  const view = make("a", { class: "button", href: `${address}/view`, target: "_blank", rel: "noopener" }, "Look at it");
+  const save = make("a", { class: "button", href: `${address}/content` }, "Save");
+  const links = make("div", { class: "row" }, view, save);
   return {
-    element: make("li", { class: "card" }, title, facts, figures, form.element),
+    element: make("li", { class: "card" }, title, facts, figures, links, form.element),
     show([now, itsFacts]) {
       setText(title, now.name);
+      view.setAttribute("aria-label", `Look at ${now.name}`);
+      save.setAttribute("aria-label", `Save ${now.name}`);
+      setShown(view, !itsFacts?.problem);
       setText(facts, formatFacts(itsFacts));
       facts.classList.toggle("warning", Boolean(itsFacts?.problem));
       setText(figures, `${formatSize(now.size)}, added ${formatTime(now.added)}`);
