@@ -19,7 +19,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from printer_slicer.errors import PrinterSlicerError
-from printer_slicer.preview.page import make_view_policy
+from printer_slicer.preview.viewer_files import make_view_policy
 from printer_slicer.print_queue import QueuedFile
 from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS

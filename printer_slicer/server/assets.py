@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gzip
 import re
-from collections import Counter
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
@@ -19,16 +18,13 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from printer_slicer.javascript_modules import join_modules
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.values import Struct
 
 __all__ = ["ASSET_ROUTES", "Asset", "load_assets"]
 
 _FIRST_MODULE: Final = "main.js"
-_IMPORT: Final = re.compile(r'^import \{[^}]*\} from "\./([a-z0-9_]+\.js)";\n', re.MULTILINE)
-_EXPORT: Final = re.compile(r"^export (?=(?:async )?function |const |class )", re.MULTILINE)
-_NAME: Final = re.compile(r"^(?:async )?(?:const|let|function|class) (\w+)", re.MULTILINE)
-_LEFT: Final = re.compile(r"^(?:import|export)\b.*", re.MULTILINE)
 _FOREVER: Final = "public, max-age=31536000, immutable"
 
 
@@ -53,7 +49,10 @@ class Asset(Struct, frozen=True):
 @cache
 def load_assets() -> dict[str, Asset]:
     """Return the files of the page by address: `/`, the script and the style."""
-    script, style = _join_modules().encode(), _read_page_file("page.css").encode()
+    script, style = (
+        join_modules(_read_page_file, _FIRST_MODULE).encode(),
+        _read_page_file("page.css").encode(),
+    )
     addresses = {"script": f"/page/{_hash(script)}.js", "style": f"/page/{_hash(style)}.css"}
     page = re.sub(r"\{\{(\w+)\}\}", lambda found: addresses[found[1]], _read_page_file("page.html"))
     return {
@@ -71,34 +70,6 @@ def _make_asset(content: bytes, kind: str, caching: str) -> Asset:
 def _hash(content: bytes) -> str:
     """Return the first 80 bits of the SHA-256, hexadecimal."""
     return sha256(content).hexdigest()[:20]
-
-
-def _join_modules() -> str:
-    """Return all modules of the page as one script.
-
-    Raises:
-        ValueError: a module imports or exports in a form that is not supported, or two have a name in common.
-    """
-    done: dict[str, str] = {}
-    _add_module(_FIRST_MODULE, done)
-    joined = "\n".join(done.values())
-    names = Counter(_NAME.findall(joined))
-    if twice := [name for name, count in names.items() if count > 1]:
-        raise ValueError(f"modules of the page share the names {', '.join(twice)}")
-    return joined
-
-
-def _add_module(name: str, done: dict[str, str]) -> None:
-    """Add a module to those in `done`, after the modules it imports."""
-    if name in done:
-        return
-    text = _read_page_file(name)
-    for other in _IMPORT.findall(text):
-        _add_module(other, done)
-    joined = _EXPORT.sub("", _IMPORT.sub("", text))
-    if left := _LEFT.search(joined):
-        raise ValueError(f"{name}: cannot join {left[0]!r}")
-    done[name] = joined
 
 
 def _read_page_file(name: str) -> str:

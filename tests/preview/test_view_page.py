@@ -13,9 +13,10 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from printer_slicer.javascript_modules import join_modules
 from printer_slicer.preview import Preview, PreviewRole, decode_preview, encode_preview, make_view_page
 from printer_slicer.preview.columns import NO_EXTRUSION_ROLES
-from printer_slicer.preview.page import join_modules
+from printer_slicer.preview.viewer_files import join_viewer_modules, read_viewer_file
 
 HOSTILE = "</title><script>alert(1)</script><img src=x onerror=alert(1)>&\"'{{script}}\u202e.gcode"
 MODULES = sorted(
@@ -111,11 +112,11 @@ def test_hostile_names_stay_text(name: str) -> None:
 
 
 def test_every_module_is_part_of_the_page() -> None:
-    script = join_modules()
+    script = join_viewer_modules()
     assert "</script" not in script.lower()
     assert "<!--" not in script
     for name in MODULES:
-        assert join_modules(name).split("\n")[-3] in script, name
+        assert join_modules(read_viewer_file, name).split("\n")[-3] in script, name
         text = files("printer_slicer.preview").joinpath("viewer", name).read_text("utf-8")
         assert text.startswith("/**\n * "), name
         assert len(text.splitlines()) < 330, name
