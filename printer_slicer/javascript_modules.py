@@ -1,7 +1,8 @@
 """Join JavaScript modules into one script, which a page can contain or load with one request.
 
 The modules of a folder import each other by name. Joined, each stands after those it imports, without the words
-`import` and `export`. Their names at the top level are therefore unique, and they import and export in two simple forms only.
+`import` and `export`. Their names at the top level are therefore unique, and they import and export in two simple
+forms only.
 """
 
 from __future__ import annotations
