@@ -220,6 +220,7 @@ class Firmware(Struct, frozen=True, kw_only=True):
         dialect: its G-code dialect.
         wire: its wire dialects by name; several if its versions differ.
         planner_blocks: number of moves that it plans ahead.
+        also_reads: other flavours of G-code that it executes correctly, too.
         has_single_acceleration: printing and travel moves share one acceleration.
         halts_out_of_bounds: a move beyond the machine ends the print; other firmwares clip it and continue.
         allows_unhomed_moves: it moves before homing.
@@ -235,6 +236,7 @@ class Firmware(Struct, frozen=True, kw_only=True):
     dialect: Dialect
     wire: Mapping[str, WireDialect]
     planner_blocks: int
+    also_reads: frozenset[str] = frozenset()
     has_single_acceleration: bool = False
     halts_out_of_bounds: bool = False
     allows_unhomed_moves: bool = True

@@ -52,6 +52,7 @@ MARLIN: Final = Firmware(
         "marlin": WireDialect(title="Marlin 2", m115_pattern=r"", resend_request=MARLIN_RESEND),
     },
     planner_blocks=16,
+    also_reads=frozenset({"marlin_legacy"}),
     has_quick_stop=True,
     prusaslicer_name="marlin2",
 )

@@ -44,6 +44,7 @@ PRUSA: Final = Firmware(
         ),
     },
     planner_blocks=16,
+    also_reads=frozenset({"marlin", "marlin_legacy"}),
     has_quick_stop=True,
     resume_command=b"M602",
 )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
+from printer_slicer.firmware import FIRMWARES
 from printer_slicer.print_queue.file_facts import FileFacts
 from printer_slicer.print_queue.printers import PrinterEntry
 from printer_slicer.print_queue.records import PrinterState, QueuedJob
@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 __all__ = ["PrinterTraits", "find_mismatches", "find_obstacles", "is_wanted_printer", "read_traits"]
 
 _TOLERANCE: Final = 0.05  # mm
-_ALSO_UNDERSTOOD: Final[Mapping[str, frozenset[str]]] = {
-    "marlin": frozenset({"marlin_legacy"}),
-    "prusa": frozenset({"marlin_legacy", "marlin"}),
-}
-"""Flavour of a printer -> other flavours whose files it prints, too."""
 
 
 class PrinterTraits(Struct, frozen=True):
@@ -110,7 +105,7 @@ def _find_space_mismatches(facts: FileFacts, traits: PrinterTraits) -> list[str]
 
 def _understands(printer: str, file: str) -> bool:
     """Return whether a printer of one flavour understands files of another."""
-    return file == printer or file in _ALSO_UNDERSTOOD.get(printer, ())
+    return file == printer or file in FIRMWARES[printer].also_reads
 
 
 def find_obstacles(state: PrinterState) -> list[str]:

@@ -101,7 +101,7 @@ def find_access(request: Request, services: Services) -> Access:
             raise ProblemError(problem.status, problem.title, problem.remedy)
     if access is None:
         what = "the key is unknown" if text else "the request has no key"
-        raise ProblemError(401, what, "Create a key with printer-slicer serve --new-key NAME")
+        raise ProblemError(401, what, "Create a key, see docs/server.md")
     return access
 
 

@@ -76,7 +76,7 @@ def parse_listener(text: str) -> tuple[str, int]:
         return str(ip_address(address)), int(port or Listener().port)
     except ValueError:
         raise UsageError(
-            f"--listen {text}: not an address of this computer",
+            f"{text}: not an address of this computer",
             remedy="Write it as 127.0.0.1:5000 or 0.0.0.0",
         ) from None
 
@@ -90,7 +90,7 @@ def check_listener(listener: Listener, access: AccessStore) -> None:
     if not listener.is_loopback and not access.list_keys():
         raise UsageError(
             f"other computers could reach the server at {listener.address}, but there is no key",
-            remedy="Create one first: printer-slicer serve --new-key NAME",
+            remedy="Create a key first, see docs/server.md",
         )
 
 
@@ -124,7 +124,7 @@ def run_server(
     except SystemExit:
         raise PortError(
             f"cannot listen at {listener.address}, port {listener.port}",
-            remedy="Choose another port with --listen, or end the program that uses it",
+            remedy="Choose another port, or end the program that uses it",
         ) from None
 
 

@@ -167,9 +167,10 @@ class Slicer:
             )
         entry = entries[request.printer]
         state = next(one for one in self._queue.snapshot().printers if one.name == request.printer)
-        options = [f"--printer={entry.profile}", f"--material={state.material}", f"--copies={request.copies}"]
-        options += [f"--quality={request.quality}"] if request.quality else []
-        return options + [f"--set={key}={value}" for key, value in request.settings.items()]
+        options = [("printer", entry.profile), ("material", state.material), ("copies", request.copies)]
+        options += [("quality", request.quality)] if request.quality else []
+        options += [("set", f"{key}={value}") for key, value in request.settings.items()]
+        return [f"--{name}={value}" for name, value in options]
 
     def _change(self, task: str, **values: Any) -> bool:
         """Change a task that was not cancelled; return whether it was changed."""
@@ -195,7 +196,14 @@ class Slicer:
         """Run the command, follow its stages, and store what it wrote."""
         output = model.parent / "sliced"
         output.mkdir()
-        words = ["slice", str(model), "-o", f"{output}/{model.stem}.gcode", "--json", "--verbose", *arguments]
+        words = [
+            "slice",
+            str(model),
+            "-o",
+            f"{output}/{model.stem}.gcode",
+            *(f"--{name}" for name in ("json", "verbose")),
+            *arguments,
+        ]
         command = [sys.executable, "-m", "printer_slicer.server.limited_command", *words]
         pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         with subprocess.Popen(command, text=True, errors="replace", **pipes) as process:  # type: ignore[call-overload] # noqa: S603 - no shell

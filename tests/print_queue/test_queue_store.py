@@ -47,8 +47,10 @@ def test_content_is_stored_once_and_no_name_is_part_of_a_path(queue: PrintQueue)
     first = queue.add_file("../../etc/part.gcode", [b"G28\n", b"G1 X1\n"])
     second = queue.add_file("other.gcode", [b"G28\nG1 ", b"X1\n"])
 
-    assert first == second
+    assert first.id == second.id
     assert (first.name, first.size) == ("part.gcode", 10)
+    assert queue.list_files() == (second,)
+    assert second.name == "other.gcode"
     assert queue.files.find_path(first.id).read_bytes() == b"G28\nG1 X1\n"
     stored = [path.name for path in queue.folder.rglob("*") if path.is_file() and "sqlite" not in path.name]
     assert stored == [first.id]
