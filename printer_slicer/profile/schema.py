@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any, Final
 
@@ -47,6 +48,9 @@ def make_schema(kind: str) -> dict[str, Any]:
 def _build_components(kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """Build the schema of a kind and the schemas of its groups of settings; lists may also be written as text."""
     _, parts = msgspec.json.schema_components([KINDS[kind]], ref_template="#/$defs/{name}")
+    for part in parts.values():
+        if "description" in part:  # a docstring; only newer versions of msgspec remove its indentation
+            part["description"] = cleandoc(part["description"])
     definitions = {name: _add_units(part) for name, part in parts.items()}
     for name, group in definitions.items():
         prefix = "planner." if name == "OptimalPlanner" else ""
