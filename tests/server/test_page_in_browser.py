@@ -289,10 +289,11 @@ def test_keys_alone_reach_everything_in_reading_order(page: Page) -> None:
     card.get_by_role("button", name="Not clear").wait_for()
     page.get_by_role("link", name="Settings").focus()
     page.keyboard.press("Enter")
+    page.get_by_role("heading", name="Settings").wait_for()
     page.keyboard.press("Tab")
     page.keyboard.press("Tab")
     page.keyboard.press("d")
-    assert page.evaluate("document.documentElement.dataset.scheme") == "dark"
+    page.wait_for_function("document.documentElement.dataset.scheme === 'dark'")
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 28)"
 
 
