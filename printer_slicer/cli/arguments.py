@@ -24,6 +24,7 @@ __all__ = [
     "add_machine_options",
     "add_model_options",
     "add_output_options",
+    "add_printers_file_option",
     "add_setting_options",
     "add_strict_supports_option",
     "add_transform_options",
@@ -637,6 +638,18 @@ _FINDING_NAMES: Final = (
     "temperature, box, feed, flow, ratio, unsupported, head, cold, homing, eeprom, limits, calibration, autotune, "
     "protection, endstops, offsets, halt, wait, firmware, files, pins, macros, link, debug, shell, unreadable"
 )
+
+
+def add_printers_file_option(parser: _Container) -> None:
+    """Add --printers-file, which names the file with the printers of the queue."""
+    mark_advanced(
+        parser.add_argument(
+            "--printers-file",
+            metavar="FILE.toml",
+            type=Path,
+            help="file with the printers; default: printers.toml in your configuration folder",
+        )
+    )
 
 
 def add_allow_option(parser: _Container) -> None:

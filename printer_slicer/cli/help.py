@@ -21,6 +21,7 @@ __all__ = [
     "SHORT_LINES",
     "HelpAction",
     "HelpFormatter",
+    "format_actions",
     "format_help",
     "is_advanced",
     "mark_advanced",
@@ -63,6 +64,13 @@ EXIT_CODES: Final[Mapping[str, str]] = {
     "6": "cancelled",
     "7": "verification failed: the print differs from the job, or a check found errors",
 }
+
+
+def format_actions(actions: Mapping[str, str]) -> str:
+    """Return the list of the actions of a command, for the end of its help; `actions` has their meanings by name."""
+    width = max(map(len, actions)) + 2
+    lines = (f"  {name:<{width}}{meaning}" for name, meaning in actions.items())
+    return "\n".join(("actions:", *lines))
 
 
 def mark_advanced(action: argparse.Action) -> argparse.Action:

@@ -6,14 +6,15 @@ import argparse
 import contextlib
 import errno
 import io
+import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Lock, Timer
 from time import monotonic
-from typing import TYPE_CHECKING, Final, TextIO
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
@@ -28,10 +29,12 @@ __all__ = [
     "StageReport",
     "append_to_stem",
     "check_outputs",
+    "choose_output_beside",
     "colourize",
     "describe_picture",
     "get_lost_output_error",
     "hide_stdin_folder",
+    "print_result",
     "print_text",
     "reject_overwriting_input",
     "sanitize",
@@ -55,6 +58,35 @@ def print_text(arguments: argparse.Namespace, text: str, *, is_message: bool = T
     """Print a text, unless --quiet or --json is given; in messages, options replace arguments of Python functions."""
     if not (arguments.quiet or arguments.json):
         print(sanitize(hide_stdin_folder(arguments, _name_options(text) if is_message else text)))
+
+
+def print_result(arguments: argparse.Namespace, facts: Mapping[str, Any], text: str) -> int:
+    """Print the result of an action, as JSON or as text; return the exit code 0."""
+    if arguments.json:
+        print(json.dumps(facts))
+    else:
+        print_text(arguments, text, is_message=False)
+    return 0
+
+
+def choose_output_beside(gcode: Path, suffix: str, what: str, option: str) -> Path:
+    """Return the default name of an output: that of the G-code file with another suffix.
+
+    Args:
+        gcode: the G-code.
+        suffix: of the output, such as `.svg`.
+        what: the output, for the message, such as `picture`.
+        option: the option that names the output, for the message.
+
+    Raises:
+        UsageError: the G-code is read from a pipe or a device.
+    """
+    if gcode.exists() and not gcode.is_file():
+        raise UsageError(
+            f"{gcode}: is not a regular file, so the {what} needs a name",
+            remedy=f"Name the {what} with {option}",
+        )
+    return gcode.with_suffix(suffix)
 
 
 def _name_options(text: str) -> str:

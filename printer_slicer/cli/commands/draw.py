@@ -21,7 +21,14 @@ from printer_slicer.cli.arguments import (
 )
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import load_file_profile, reject_non_gcode
-from printer_slicer.cli.output import print_text, reject_overwriting_input, sanitize, show_stages, write_file
+from printer_slicer.cli.output import (
+    choose_output_beside,
+    print_text,
+    reject_overwriting_input,
+    sanitize,
+    show_stages,
+    write_file,
+)
 from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.saving import check_writable
@@ -110,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
     _reject_options_of_other_view(arguments)
     reject_options_without_model(arguments)
     reject_non_gcode(arguments.gcode)
-    arguments.output = arguments.output or _choose_default_output(arguments.gcode)
+    arguments.output = arguments.output or choose_output_beside(arguments.gcode, ".svg", "picture", "-o FILE")
     _check_output(arguments)
     with show_stages(arguments) as report:
         report("reading")
@@ -160,20 +167,6 @@ def _draw(arguments: argparse.Namespace, sheet: LayerExtrusions, rings: list[Flo
         return draw_gcode_layers_3d(sheet, title, arguments.pixels)
     _check_box(arguments, sheet)
     return draw_gcode_layer(sheet, title, View(arguments.box, arguments.pixels, arguments.travel, rings))
-
-
-def _choose_default_output(gcode: Path) -> Path:
-    """Return the default name of the picture: the name of the G-code file with the suffix .svg.
-
-    Raises:
-        UsageError: the G-code is read from a pipe or a device.
-    """
-    if gcode.exists() and not gcode.is_file():
-        raise UsageError(
-            f"{gcode}: is not a regular file, so the picture needs a name",
-            remedy="Name the picture with -o FILE",
-        )
-    return gcode.with_suffix(".svg")
 
 
 def _check_output(arguments: argparse.Namespace) -> None:

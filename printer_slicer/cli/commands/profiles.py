@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, NoReturn
 
 from printer_slicer.cli.argument_flags import replace_arguments_by_options
 from printer_slicer.cli.arguments import add_output_options, add_setting_options
-from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.help import format_actions, mark_advanced
 from printer_slicer.cli.output import hide_stdin_folder, print_text, write_file
 from printer_slicer.cli.parser import CommandParser, add_command
 from printer_slicer.cli.settings import (
@@ -58,9 +58,7 @@ _PLURALS: Final = {"printers": "printer", "materials": "material", "qualities": 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `profiles`, and the parser of `profiles import`."""
-    width = max(map(len, _ACTIONS)) + 2
-    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _ACTIONS.items()).rstrip("\n")
-    parser.epilog = f"actions:\n{actions}"
+    parser.epilog = format_actions(_ACTIONS)
     parser.add_argument(
         "what",
         nargs="?",

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_allow_option, add_output_options, parse_positive_integer
-from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.output import print_text
+from printer_slicer.cli.arguments import (
+    add_allow_option,
+    add_output_options,
+    add_printers_file_option,
+    parse_positive_integer,
+)
+from printer_slicer.cli.help import format_actions
+from printer_slicer.cli.output import print_result, print_text
 from printer_slicer.errors import UsageError
 from printer_slicer.texts import format_duration
 from printer_slicer.values import as_dict
@@ -46,9 +50,7 @@ _MOST_ENDED: Final = 100  # jobs that --all lists
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `queue`."""
-    width = max(map(len, _ACTIONS)) + 2
-    actions = "".join(f"  {what:<{width}}{meaning}\n" for what, meaning in _ACTIONS.items()).rstrip("\n")
-    parser.epilog = f"actions:\n{actions}"
+    parser.epilog = format_actions(_ACTIONS)
     parser.add_argument(
         "what",
         nargs="?",
@@ -72,14 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--held", action="store_true", help="for add: hold the jobs until they are released")
     parser.add_argument("--first", action="store_true", help="for add: place the jobs before all others")
     parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
-    mark_advanced(
-        parser.add_argument(
-            "--printers-file",
-            metavar="FILE.toml",
-            type=Path,
-            help="file with the printers; default: printers.toml in your configuration folder",
-        )
-    )
+    add_printers_file_option(parser)
     add_allow_option(parser)
     add_output_options(parser)
 
@@ -127,15 +122,6 @@ def _parse_job(text: str) -> int:
     return int(number)
 
 
-def _print_result(arguments: argparse.Namespace, facts: Mapping[str, Any], text: str) -> int:
-    """Print the result of an action, as JSON or as text; return the exit code."""
-    if arguments.json:
-        print(json.dumps(facts))
-    else:
-        print_text(arguments, text, is_message=False)
-    return 0
-
-
 # Jobs.
 
 
@@ -167,7 +153,7 @@ def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
         )
         jobs += queue.add_jobs(file.id, request)
     lines = [f"job {job.id}: {job.name}{_describe_file(queue, job)}" for job in jobs]
-    return _print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
+    return print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
 
 
 def _read_pieces(path: Path) -> Iterator[bytes]:
@@ -229,7 +215,7 @@ def _change_jobs(
             change(queue, number)
         jobs = [queue.find_job(number) for number in numbers]
         lines = [f"job {job.id}: {_describe_state(job)}" for job in jobs]
-        return _print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
+        return print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
 
     return act
 
@@ -257,7 +243,7 @@ def _explain(arguments: argparse.Namespace, queue: PrintQueue) -> int:
         lines += [
             f"  {one.printer}: {'; '.join(one.reasons) or 'ready to print it'}" for one in found.printers
         ]
-    return _print_result(arguments, as_dict(found), "\n".join(lines))
+    return print_result(arguments, as_dict(found), "\n".join(lines))
 
 
 # Printers.
@@ -270,7 +256,7 @@ def _set_beds(bed: Any) -> Callable[[argparse.Namespace, PrintQueue], int]:
         """Record the state of the beds of the named printers."""
         for name in arguments.names:
             queue.set_bed(name, bed)
-        return _print_result(
+        return print_result(
             arguments,
             {"printers": arguments.names, "bed": bed},
             "\n".join(f"{name}: {_BEDS[bed]}" for name in arguments.names),
@@ -283,7 +269,7 @@ def _load(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     """Record which material is loaded."""
     printer, material = arguments.names
     queue.set_material(printer, material)
-    return _print_result(
+    return print_result(
         arguments, {"printer": printer, "material": material}, f"{printer}: {material} is loaded"
     )
 
@@ -298,9 +284,7 @@ def _list(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     facts = as_dict(snapshot) | ({"ended": [as_dict(job) for job in ended]} if arguments.all else {})
     lines = [_format_printer(state) for state in snapshot.printers]
     lines += [_format_job(queue, job) for job in (*snapshot.jobs, *ended)]
-    return _print_result(
-        arguments, facts, "\n".join(lines if snapshot.jobs or ended else [*lines, "no jobs"])
-    )
+    return print_result(arguments, facts, "\n".join(lines if snapshot.jobs or ended else [*lines, "no jobs"]))
 
 
 def _format_printer(state: PrinterState) -> str:
@@ -328,7 +312,7 @@ def _run(arguments: argparse.Namespace, queue: PrintQueue) -> int:
 
     def report(text: str) -> None:
         """Print what has happened, at once."""
-        _print_result(arguments, {"event": "queue", "text": text}, text)
+        print_result(arguments, {"event": "queue", "text": text}, text)
         print(end="", flush=True)
 
     names = ", ".join(entry.name for entry in queue.list_printers())

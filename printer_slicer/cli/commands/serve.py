@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import webbrowser
 from contextlib import ExitStack
@@ -11,9 +10,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.cli.arguments import add_output_options
+from printer_slicer.cli.arguments import add_output_options, add_printers_file_option
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.output import print_text
+from printer_slicer.cli.output import print_result, print_text
 from printer_slicer.errors import UsageError
 
 if TYPE_CHECKING:
@@ -70,14 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             "--proxy", metavar="ADDRESS", default="", help="reverse proxy whose headers count"
         ),
-        parser.add_argument(
-            "--printers-file",
-            metavar="FILE.toml",
-            type=Path,
-            help="file with the printers; default: printers.toml in your configuration folder",
-        ),
     ):
         mark_advanced(action)
+    add_printers_file_option(parser)
     add_output_options(parser)
 
 
@@ -117,23 +111,14 @@ def _run_action(arguments: argparse.Namespace, queue: PrintQueue, access: Access
         return _create_key(arguments, access)
     if arguments.delete_key:
         access.delete_key(arguments.delete_key)
-        return _print_result(
+        return print_result(
             arguments, {"deleted": arguments.delete_key}, f"deleted key {arguments.delete_key}"
         )
     if arguments.keys:
         keys = access.list_keys()
         text = "\n".join(map(_describe_key, keys)) or "there are no keys"
-        return _print_result(arguments, {"keys": [_list_key_facts(one) for one in keys]}, text)
+        return print_result(arguments, {"keys": [_list_key_facts(one) for one in keys]}, text)
     _serve(arguments, queue, access)
-    return 0
-
-
-def _print_result(arguments: argparse.Namespace, facts: dict[str, Any], text: str) -> int:
-    """Print a result as JSON or as text; return the exit code."""
-    if arguments.json:
-        print(json.dumps(facts))
-    else:
-        print_text(arguments, text, is_message=False)
     return 0
 
 
@@ -144,7 +129,7 @@ def _create_key(arguments: argparse.Namespace, access: AccessStore) -> int:
     names = [name.strip() for name in arguments.scopes.split(",")]
     scopes: Any = SCOPES if names == ["all"] else names
     key, text = access.create_key(arguments.new_key, scopes, arguments.printer)
-    return _print_result(arguments, _list_key_facts(key) | {"text": text}, f"{text}\n{_describe_key(key)}")
+    return print_result(arguments, _list_key_facts(key) | {"text": text}, f"{text}\n{_describe_key(key)}")
 
 
 def _list_key_facts(key: ApiKey) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.inputs import load_file_profile, reject_non_gcode
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import (
+    choose_output_beside,
     print_text,
     reject_overwriting_input,
     sanitize,
@@ -62,7 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.preview import make_view_page, read_preview
 
     reject_non_gcode(arguments.gcode)
-    arguments.output = arguments.output or _choose_default_output(arguments.gcode)
+    arguments.output = arguments.output or choose_output_beside(
+        arguments.gcode, ".html", "page", "-o FILE.html"
+    )
     _check_output(arguments)
     with show_stages(arguments) as report:
         report("reading")
@@ -79,20 +82,6 @@ def run(arguments: argparse.Namespace) -> int:
         print_text(arguments, _format_facts(facts))
     open_files(arguments, [arguments.output])
     return 0
-
-
-def _choose_default_output(gcode: Path) -> Path:
-    """Return the default name of the page: the name of the G-code file with the suffix .html.
-
-    Raises:
-        UsageError: the G-code is read from a pipe or a device.
-    """
-    if gcode.exists() and not gcode.is_file():
-        raise UsageError(
-            f"{gcode}: is not a regular file, so the page needs a name",
-            remedy="Name the page with -o FILE.html",
-        )
-    return gcode.with_suffix(".html")
 
 
 def _check_output(arguments: argparse.Namespace) -> None:
