@@ -19,6 +19,7 @@ from typing import Final, Literal, get_args
 
 from printer_slicer.errors import UsageError
 from printer_slicer.print_queue.database import QueueDatabase
+from printer_slicer.server.problems import ProblemError
 from printer_slicer.values import Struct
 
 __all__ = ["SCOPES", "SLICER_SCOPES", "Access", "AccessStore", "ApiKey", "Permission"]
@@ -92,6 +93,18 @@ class Access(Struct, frozen=True):
         """Return whether something is allowed, on a printer if one is given."""
         is_for_it = not self.printer or not printer or printer == self.printer
         return permission in self.scopes and is_for_it
+
+    def require(self, permission: Permission, printer: str = "") -> None:
+        """Check that something is allowed, on a printer if one is given.
+
+        Raises:
+            ProblemError: it is not.
+        """
+        if not self.allows(permission, printer):
+            where = f" on printer {printer}" if printer else ""
+            raise ProblemError(
+                403, f"this key does not allow {permission}{where}", "Use a key with this permission"
+            )
 
 
 class AccessStore:

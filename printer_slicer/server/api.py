@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.print_queue import (
     Explanation,
     FileFacts,
-    JobRequest,
     PrintRun,
     QueuedFile,
     QueuedJob,
@@ -16,7 +14,6 @@ from printer_slicer.print_queue import (
     explain_job,
 )
 from printer_slicer.print_queue.records import WAITING_STATES
-from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.server.access import ApiKey
 from printer_slicer.server.bodies import (
     Account,
@@ -30,10 +27,10 @@ from printer_slicer.server.bodies import (
     NewKey,
 )
 from printer_slicer.server.operations import CheckedRequest, Operation
-from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.slicing import SliceTask
+from printer_slicer.values import replace
 
-__all__ = ["OPERATIONS", "send_to_print"]
+__all__ = ["OPERATIONS"]
 
 _MAX_EXPLANATIONS: Final = 50
 _MAX_FILES: Final = 200
@@ -87,17 +84,9 @@ def _get_file(call: CheckedRequest) -> tuple[QueuedFile, FileFacts]:
 
 def _add_jobs(call: CheckedRequest) -> tuple[QueuedJob, ...]:
     body: JobBody = call.body
-    call.require("print", body.printer)
+    call.access.require("print", body.printer)
     call.services.reader.read(body.file)
-    request = JobRequest(
-        body.name,
-        body.printer or call.access.printer,
-        body.material,
-        body.allow,
-        body.held,
-        body.first,
-        body.copies,
-    )
+    request = replace(body, printer=body.printer or call.access.printer)
     return call.services.queue.add_jobs(body.file, request)
 
 
@@ -126,7 +115,7 @@ def _explain_job(call: CheckedRequest) -> Explanation:
 def _find_own_job(call: CheckedRequest) -> QueuedJob:
     """Return the job in the path, which the sender may change."""
     job = call.services.queue.find_job(call.path["job"])
-    call.require("print", job.printer)
+    call.access.require("print", job.printer)
     return job
 
 
@@ -154,40 +143,22 @@ def _cancel_job(call: CheckedRequest) -> QueuedJob:
 
 def _set_bed(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
-    call.require("control", printer)
+    call.access.require("control", printer)
     call.services.queue.set_bed(printer, call.body.bed)
     return call.services.queue.snapshot()
 
 
 def _set_material(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
-    call.require("control", printer)
+    call.access.require("control", printer)
     call.services.queue.set_material(printer, call.body.material)
     return call.services.queue.snapshot()
 
 
-def send_to_print(call: CheckedRequest, printer: str, command: str) -> dict[str, Any]:
-    """Send a command to the print that runs on a printer, and return its answer.
-
-    Raises:
-        ProblemError: nothing is printed, or the print does not answer or refuses.
-    """
-    runs = [run for run in call.services.queue.list_active_runs() if run.printer == printer]
-    if not runs:
-        raise ProblemError(409, f"printer {printer} prints nothing", "Start a job first")
-    try:
-        answer = send_control_command(call.services.job_store / runs[0].id, command)
-    except PrinterSlicerError as error:
-        raise ProblemError(409, str(error.args[0]), error.remedy) from None
-    if not answer.get("ok", True):
-        raise ProblemError(409, str(answer.get("answer", "the print refused the command")))
-    return answer
-
-
 def _command_print(call: CheckedRequest) -> dict[str, Any]:
     printer = call.path["printer"]
-    call.require("control", printer)
-    return send_to_print(call, printer, call.body.command)
+    call.access.require("control", printer)
+    return call.services.send_command(printer, call.body.command)
 
 
 _JOB: Final = "/v1/jobs/{job:int}"

@@ -33,11 +33,11 @@ from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import (
     SESSION_COOKIE,
     Operation,
-    find_access,
-    make_problem_error,
+    read_body,
+    require_access,
     run_operation,
 )
-from printer_slicer.server.problems import Problem, ProblemError, describe_error, respond_with_problem
+from printer_slicer.server.problems import Problem, ProblemError, make_problem_error, respond_with_problem
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
 from printer_slicer.server.slicing import MODEL_ENDINGS, SliceRequest, SliceTask
@@ -80,6 +80,7 @@ def make_app(services: Services) -> Starlette:
         middleware=[Middleware(RequestGuard, settings=services.guard)],
         exception_handlers={
             ProblemError: _handle_problem,
+            PrinterSlicerError: _handle_error,
             404: _handle_missing,
             405: _handle_method,
             500: _handle_fault,
@@ -102,9 +103,7 @@ def _make_route(operation: Operation) -> Route:
 async def _upload_file(request: Request) -> Response:
     """Store a file of G-code, and answer with what is known of it."""
     services: Services = request.app.state.services
-    access = await run_in_threadpool(find_access, request, services)
-    if not access.allows("upload"):
-        raise ProblemError(403, "this key does not allow upload", "Use a key with this permission")
+    await run_in_threadpool(require_access, request, "upload")
 
     def store(form: FormReader) -> QueuedFile:
         return services.queue.add_file(form.find_file(), form.read_file())
@@ -117,13 +116,11 @@ async def _upload_file(request: Request) -> Response:
 async def _find_readable_file(request: Request) -> QueuedFile:
     """Return the file in the path of a request whose sender may read it."""
     services: Services = request.app.state.services
-    access = await run_in_threadpool(find_access, request, services)
-    if not access.allows("read"):
-        raise ProblemError(403, "this key does not allow read", "Use a key with this permission")
+    await run_in_threadpool(require_access, request, "read")
     try:
         return await run_in_threadpool(services.queue.find_file, request.path_params["file"])
     except PrinterSlicerError as error:
-        raise make_problem_error(describe_error(error, 404)) from None
+        raise make_problem_error(error, 404) from None
 
 
 async def _download_file(request: Request) -> Response:
@@ -136,10 +133,7 @@ async def _download_file(request: Request) -> Response:
 async def _view_file(request: Request) -> Response:
     """Answer with a page that shows the layers and moves of a file."""
     file = await _find_readable_file(request)
-    try:
-        page = await run_in_threadpool(request.app.state.services.reader.make_page, file.id)
-    except PrinterSlicerError as error:
-        raise make_problem_error(describe_error(error)) from None
+    page = await run_in_threadpool(request.app.state.services.reader.make_page, file.id)
     policy = f"{make_view_policy()}; frame-ancestors 'none'"
     return Response(page, media_type="text/html", headers={"content-security-policy": policy})
 
@@ -147,9 +141,7 @@ async def _view_file(request: Request) -> Response:
 async def _slice_model(request: Request) -> Response:
     """Slice a model that arrives in a form; the other fields are those of `SliceRequest`, settings as JSON."""
     services: Services = request.app.state.services
-    access = await run_in_threadpool(find_access, request, services)
-    if not access.allows("upload"):
-        raise ProblemError(403, "this key does not allow upload", "Use a key with this permission")
+    await run_in_threadpool(require_access, request, "upload")
     task = await receive_upload(request, lambda form: _add_slice(services, form))
     return Response(encode_json(task), 201, media_type="application/json")
 
@@ -184,7 +176,7 @@ def _add_slice(services: Services, form: FormReader) -> SliceTask:
 
 async def _sign_in(request: Request) -> Response:
     """Begin a session with a key."""
-    body = await request.body() if int(request.headers.get("content-length", "0") or 0) < 1024 else b""
+    body = await read_body(request)
     try:
         text = str(decode_json(body, dict[str, str])["key"])
     except (ValueError, KeyError):
@@ -278,6 +270,12 @@ async def _handle_problem(_: Request, error: Exception) -> Response:
     assert isinstance(error, ProblemError)
     headers = {"www-authenticate": "Bearer"} if error.problem.status == 401 else None
     return respond_with_problem(error.problem, headers)
+
+
+async def _handle_error(request: Request, error: Exception) -> Response:
+    """Answer a request that failed with an error of this project."""
+    assert isinstance(error, PrinterSlicerError)
+    return await _handle_problem(request, make_problem_error(error))
 
 
 async def _handle_missing(_: Request, __: Exception) -> Response:

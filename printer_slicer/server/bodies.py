@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from printer_slicer.print_queue import FileFacts, PrintRun, QueuedFile, QueuedJob
+from printer_slicer.print_queue import FileFacts, JobRequest, PrintRun, QueuedFile, QueuedJob
 from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
 from printer_slicer.values import Struct
 
@@ -21,17 +21,14 @@ __all__ = [
 ]
 
 
-class JobBody(Struct, frozen=True, forbid_unknown_fields=True):
-    """A file to print; the other fields are those of `JobRequest`."""
+class JobBody(JobRequest, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A file to print, and what is wanted of its jobs.
+
+    Attributes:
+        file: id of the file.
+    """
 
     file: str
-    name: str = ""
-    printer: str = ""
-    material: str = ""
-    allow: tuple[str, ...] = ()
-    held: bool = False
-    first: bool = False
-    copies: int = 1
 
 
 class MoveBody(Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,6 +7,7 @@ declared clear; otherwise it waits, and the queue tells why.
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -16,7 +17,8 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from printer_slicer.print_queue import PrintQueue, QueuedFile
-from printer_slicer.server.operations import find_access
+from printer_slicer.server.json_values import decode_json
+from printer_slicer.server.operations import find_access, read_body
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.targets import QUEUED, Target, find_target, queue_job, receive_file
 from printer_slicer.version import VERSION
@@ -29,14 +31,14 @@ _COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
 
 async def _get_version(request: Request) -> Response:
     """Answer with the version of the interface."""
-    await run_in_threadpool(find_access, request, request.app.state.services)
+    await run_in_threadpool(find_access, request)
     text = f"OctoPrint {_VERSION} (printer-slicer {VERSION})"
     return JSONResponse({"api": "0.1", "server": _VERSION, "text": text})
 
 
 async def _get_server(request: Request) -> Response:
     """Answer that the server is well."""
-    await run_in_threadpool(find_access, request, request.app.state.services)
+    await run_in_threadpool(find_access, request)
     return JSONResponse({"version": _VERSION, "safemode": None})
 
 
@@ -174,19 +176,10 @@ def _describe_job(target: Target) -> dict[str, Any]:
     }
 
 
-async def _command_job(request: Request) -> Response:
-    """Pause, continue or cancel the print."""
-    body = await _read_command(request)
-    await run_in_threadpool(_change_print, request, body)
-    return Response(status_code=204)
-
-
 def _change_print(request: Request, body: dict[str, Any]) -> None:
     """Carry out a command about the print."""
-    from printer_slicer.server.api import send_to_print  # noqa: PLC0415 - it lists all operations
-
     target = find_target(request)
-    target.call.require("control", target.printer.name)
+    target.access.require("control", target.printer.name)
     command, action = str(body.get("command", "")), str(body.get("action") or "toggle")
     if command == "pause" and (
         action == "resume" or (action == "toggle" and _describe_state(target)["flags"]["paused"])
@@ -201,23 +194,22 @@ def _change_print(request: Request, body: dict[str, Any]) -> None:
     if command == "cancel" and target.printer.job is not None:
         target.services.queue.cancel_job(target.printer.job)
         return
-    send_to_print(target.call, target.printer.name, _COMMANDS[command])
+    target.services.send_command(target.printer.name, _COMMANDS[command])
 
 
-async def _read_command(request: Request) -> dict[str, Any]:
-    """Return the body of a command.
+def _make_command(run: Callable[[Request, dict[str, Any]], None]) -> Callable[[Request], Awaitable[Response]]:
+    """Return the route of a command, which a function carries out in a thread."""
 
-    Raises:
-        ProblemError: it is no JSON object, or too large.
-    """
-    size = request.headers.get("content-length", "")
-    try:
-        body = await request.json() if size.isdecimal() and int(size) < 4096 else None
-    except ValueError:
-        body = None
-    if not isinstance(body, dict):
-        raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON')
-    return body
+    async def answer(request: Request) -> Response:
+        """Carry out the command in the body."""
+        try:
+            body = decode_json(await read_body(request), dict[str, Any])
+        except ValueError:
+            raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON') from None
+        await run_in_threadpool(run, request, body)
+        return Response(status_code=204)
+
+    return answer
 
 
 async def _upload(request: Request) -> Response:
@@ -246,17 +238,10 @@ async def _list_files(request: Request) -> Response:
     return JSONResponse({"files": [], "free": None, "total": None})
 
 
-async def _command_file(request: Request) -> Response:
-    """Queue a job for a file that was uploaded under this name."""
-    body = await _read_command(request)
-    await run_in_threadpool(_start_file, request, body)
-    return Response(status_code=204)
-
-
 def _start_file(request: Request, body: dict[str, Any]) -> None:
     """Queue a job for the newest file with the name in the path."""
     target = find_target(request)
-    target.call.require("print", target.printer.name)
+    target.access.require("print", target.printer.name)
     if body.get("command") != "select":
         raise ProblemError(400, "only the command select is possible", "Upload the file again to print it")
     file = _find_newest(target.services.queue, str(request.path_params["path"]))
@@ -288,11 +273,11 @@ def _make_routes(prefix: str) -> list[BaseRoute]:
         ("connection", _get_connection, "GET"),
         ("printer", _get_printer, "GET"),
         ("job", _get_job, "GET"),
-        ("job", _command_job, "POST"),
+        ("job", _make_command(_change_print), "POST"),
         ("files", _list_files, "GET"),
         ("files/local", _list_files, "GET"),
         ("files/local", _upload, "POST"),
-        ("files/local/{path:path}", _command_file, "POST"),
+        ("files/local/{path:path}", _make_command(_start_file), "POST"),
     )
     return [Route(f"{prefix}/api/{path}", run, methods=[method]) for path, run, method in table]
 

@@ -9,11 +9,10 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.server.access import Access, Permission
 from printer_slicer.server.guard import check_same_origin
 from printer_slicer.server.json_values import decode_json, encode_json
-from printer_slicer.server.problems import Problem, ProblemError, describe_error
+from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
@@ -22,7 +21,8 @@ __all__ = [
     "CheckedRequest",
     "Operation",
     "find_access",
-    "make_problem_error",
+    "read_body",
+    "require_access",
     "run_operation",
 ]
 
@@ -47,18 +47,6 @@ class CheckedRequest(Struct, frozen=True):
     query: Mapping[str, str]
     body: Any = None
 
-    def require(self, permission: Permission, printer: str = "") -> None:
-        """Check that the sender may do something, on a printer if one is given.
-
-        Raises:
-            ProblemError: it may not.
-        """
-        if not self.access.allows(permission, printer):
-            where = f" on printer {printer}" if printer else ""
-            raise ProblemError(
-                403, f"this key does not allow {permission}{where}", "Use a key with this permission"
-            )
-
 
 class Operation(Struct, frozen=True):
     """A function of the web interface.
@@ -82,12 +70,13 @@ class Operation(Struct, frozen=True):
     result: Any = None
 
 
-def find_access(request: Request, services: Services) -> Access:
+def find_access(request: Request) -> Access:
     """Return who sent a request.
 
     Raises:
         ProblemError: it has no valid key and no session, or another site may have sent it.
     """
+    services: Services = request.app.state.services
     text = request.headers.get("x-api-key") or ""
     scheme, _, token = request.headers.get("authorization", "").partition(" ")
     if not text and scheme.lower() == "bearer":
@@ -105,40 +94,43 @@ def find_access(request: Request, services: Services) -> Access:
     return access
 
 
+def require_access(request: Request, permission: Permission) -> Access:
+    """Return who sent a request, and may do something.
+
+    Raises:
+        ProblemError: it has no valid key and no session, another site may have sent it, or it is not allowed.
+    """
+    access = find_access(request)
+    access.require(permission)
+    return access
+
+
 async def run_operation(operation: Operation, request: Request) -> Response:
     """Check a request, carry it out in a thread, and return the response.
 
     Raises:
         ProblemError: it cannot be carried out.
     """
-    data = b"" if operation.body is None else await _read_body(request)
+    data = b"" if operation.body is None else await read_body(request)
     return await run_in_threadpool(_run_in_thread, operation, request, data)
 
 
 def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Response:
     """Check a request whose body was read, carry it out, and return the response."""
-    services: Services = request.app.state.services
-    access = find_access(request, services)
+    access = require_access(request, operation.permission)
     body = None if operation.body is None else _decode_body(data, operation.body)
-    call = CheckedRequest(services, access, request.path_params, dict(request.query_params), body)
-    call.require(operation.permission)
-    try:
-        result = operation.run(call)
-    except PrinterSlicerError as error:
-        raise make_problem_error(describe_error(error)) from None
+    call = CheckedRequest(
+        request.app.state.services, access, request.path_params, dict(request.query_params), body
+    )
+    result = operation.run(call)
     if result is None:
         return Response(status_code=204)
     status = 201 if operation.method == "POST" and operation.result is not None else 200
     return Response(encode_json(result), status, media_type="application/json")
 
 
-def make_problem_error(problem: Problem) -> ProblemError:
-    """Return a problem as an exception."""
-    return ProblemError(problem.status, problem.title, problem.remedy)
-
-
-async def _read_body(request: Request) -> bytes:
-    """Read the body of a request.
+async def read_body(request: Request) -> bytes:
+    """Read a body that is small.
 
     Raises:
         ProblemError: it is too large.

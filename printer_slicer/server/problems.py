@@ -12,7 +12,7 @@ from starlette.responses import Response
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.values import Struct
 
-__all__ = ["Problem", "ProblemError", "describe_error", "respond_with_problem"]
+__all__ = ["Problem", "ProblemError", "make_problem_error", "respond_with_problem"]
 
 
 class Problem(Struct, frozen=True):
@@ -37,9 +37,9 @@ class ProblemError(Exception):
         self.problem = Problem(status, title, remedy)
 
 
-def describe_error(error: PrinterSlicerError, status: int = 422) -> Problem:
+def make_problem_error(error: PrinterSlicerError, status: int = 422) -> ProblemError:
     """Return an error of this project as a problem."""
-    return Problem(status, str(error.args[0]), error.remedy)
+    return ProblemError(status, str(error.args[0]), error.remedy)
 
 
 def respond_with_problem(problem: Problem, headers: Mapping[str, str] | None = None) -> Response:

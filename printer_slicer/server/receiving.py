@@ -9,8 +9,7 @@ import anyio
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
-from printer_slicer.errors import PrinterSlicerError
-from printer_slicer.server.problems import ProblemError, describe_error
+from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.uploads import FormReader
 
 __all__ = ["MAX_UPLOAD", "receive_upload"]
@@ -39,6 +38,7 @@ async def receive_upload(
     chunks, received = request.stream().__aiter__(), 0
 
     async def receive() -> bytes:
+        """Return the next piece of the body."""
         nonlocal received
         try:
             with anyio.fail_after(_SILENCE):
@@ -51,11 +51,8 @@ async def receive_upload(
         return chunk
 
     def work() -> _Result:
+        """Read the form; runs in a thread."""
         form = FormReader(request.headers.get("content-type", ""), lambda: anyio.from_thread.run(receive))
         return store(form)
 
-    try:
-        return await run_in_threadpool(work)
-    except PrinterSlicerError as error:
-        problem = describe_error(error)
-        raise ProblemError(problem.status, problem.title, problem.remedy) from None
+    return await run_in_threadpool(work)

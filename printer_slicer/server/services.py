@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.print_queue import PrintQueue
+from printer_slicer.printing.control_socket import send_control_command
 from printer_slicer.server.access import AccessStore
 from printer_slicer.server.guard import GuardSettings
+from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.slicing import Slicer
 from printer_slicer.server.workers import FileReader
 
@@ -27,6 +31,23 @@ class Services:
         self.queue, self.access, self.guard, self.job_store = queue, access, guard, job_store
         self.reader = FileReader(queue)
         self.slicer = Slicer(queue, self.reader)
+
+    def send_command(self, printer: str, command: str) -> dict[str, Any]:
+        """Send a command to the print that runs on a printer, and return its answer.
+
+        Raises:
+            ProblemError: nothing is printed, or the print does not answer or refuses.
+        """
+        runs = [run for run in self.queue.list_active_runs() if run.printer == printer]
+        if not runs:
+            raise ProblemError(409, f"printer {printer} prints nothing", "Start a job first")
+        try:
+            answer = send_control_command(self.job_store / runs[0].id, command)
+        except PrinterSlicerError as error:
+            raise ProblemError(409, str(error.args[0]), error.remedy) from None
+        if not answer.get("ok", True):
+            raise ProblemError(409, str(answer.get("answer", "the print refused the command")))
+        return answer
 
     def close(self) -> None:
         """Cancel what is being sliced, and close the databases."""

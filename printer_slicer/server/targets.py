@@ -9,7 +9,7 @@ from starlette.requests import Request
 
 from printer_slicer.print_queue import JobRequest, PrinterState, QueuedFile
 from printer_slicer.server.access import Access
-from printer_slicer.server.operations import CheckedRequest, find_access
+from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
@@ -30,11 +30,6 @@ class Target(Struct, frozen=True):
     printer: PrinterState
     status: dict[str, Any]
 
-    @property
-    def call(self) -> CheckedRequest:
-        """The request without parameters."""
-        return CheckedRequest(self.services, self.access, {}, {})
-
 
 def find_target(request: Request) -> Target:
     """Return the printer of a request.
@@ -43,7 +38,7 @@ def find_target(request: Request) -> Target:
         ProblemError: it has no key, there is no such printer, or the printer is not named although there are several.
     """
     services: Services = request.app.state.services
-    access = find_access(request, services)
+    access = find_access(request)
     printers = {one.name: one for one in services.queue.snapshot().printers}
     name = request.path_params.get("printer") or access.printer
     name = name or (next(iter(printers)) if len(printers) == 1 else "")
@@ -65,7 +60,7 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
     Raises:
         ProblemError: the key does not allow it, or the form has no file of G-code.
     """
-    target.call.require("upload")
+    target.access.require("upload")
 
     def store(form: FormReader) -> tuple[QueuedFile, dict[str, str]]:
         name = form.find_file()
@@ -75,7 +70,7 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
     file, fields = await receive_upload(request, store)
     wants_print = fields.get("print", "").strip().lower() in _TRUE
     if wants_print:
-        target.call.require("print", target.printer.name)
+        target.access.require("print", target.printer.name)
         await run_in_threadpool(queue_job, target, file)
     return file, wants_print
 
