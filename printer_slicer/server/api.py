@@ -115,7 +115,7 @@ def _explain_job(call: CheckedRequest) -> Explanation:
 def _find_own_job(call: CheckedRequest) -> QueuedJob:
     """Return the job in the path, which the sender may change."""
     job = call.services.queue.find_job(call.path["job"])
-    call.access.require("print", job.printer)
+    call.access.require("print", job.printer or _ANY_PRINTER)
     return job
 
 
@@ -161,6 +161,7 @@ def _command_print(call: CheckedRequest) -> dict[str, Any]:
     return call.services.send_command(printer, call.body.command)
 
 
+_ANY_PRINTER: Final = "*"  # no name of a printer: a key for one printer does not change jobs for any
 _JOB: Final = "/v1/jobs/{job:int}"
 _PRINTER: Final = "/v1/printers/{printer}"
 

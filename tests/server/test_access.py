@@ -6,9 +6,9 @@ import pytest
 from starlette.websockets import WebSocketDisconnect
 
 from printer_slicer.errors import UsageError
-from printer_slicer.print_queue import PrintQueue
+from printer_slicer.print_queue import JobRequest, PrintQueue
 from printer_slicer.server.access import SCOPES, AccessStore
-from tests.server.client import PAGE, ServerClient
+from tests.server.client import GCODE, PAGE, ServerClient
 
 
 def test_without_a_key_nothing_is_told(server: ServerClient) -> None:
@@ -52,6 +52,23 @@ def test_a_key_of_one_printer_is_not_for_another(server: ServerClient, access: A
     assert server.put("/v1/printers/right/bed", json={"bed": "clear"}).status_code == 403
     assert server.put("/v1/printers/left/bed", json={"bed": "clear"}).status_code == 200
     assert server.get("/v1/keys").status_code == 403
+
+
+def test_a_key_of_one_printer_changes_only_jobs_for_this_printer(
+    server: ServerClient, access: AccessStore, queue: PrintQueue
+) -> None:
+    file = queue.add_file("part.gcode", [GCODE])
+    jobs = [queue.add_jobs(file.id, JobRequest(printer=name))[0].id for name in ("", "right", "left")]
+    _, text = access.create_key("left", ["read", "print"], "left")
+    server.headers["x-api-key"] = text
+    assert [server.delete(f"/v1/jobs/{job}").status_code for job in jobs] == [403, 403, 200]
+    assert [queue.find_job(job).state for job in jobs] == ["ready", "ready", "cancelled"]
+
+
+def test_signing_in_reads_no_long_body(server: ServerClient) -> None:
+    del server.headers["x-api-key"]
+    pieces = (b" " * 65536 for _ in range(100))  # without a length
+    assert server.post("/v1/session", content=pieces).status_code == 413
 
 
 def test_a_key_needs_a_name_and_known_scopes(access: AccessStore) -> None:
