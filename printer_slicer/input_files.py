@@ -6,12 +6,14 @@ import errno
 import os
 import stat
 import threading
+from collections.abc import Iterator
 from io import BufferedReader
 from pathlib import Path
 from typing import Final
 
-__all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input"]
+__all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input", "read_pieces"]
 
+_PIECE: Final = 1 << 20  # bytes
 WRITER_SECONDS: Final = 10.0
 """Time, s, to wait for a program to open a named pipe for writing."""
 
@@ -62,6 +64,17 @@ def read_input(path: Path, max_bytes: int, writer_seconds: float = WRITER_SECOND
     if is_long or len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"longer than {max_bytes} bytes", str(path))
     return data
+
+
+def read_pieces(path: Path) -> Iterator[bytes]:
+    """Yield a file in pieces of 1 MiB.
+
+    Raises:
+        OSError: it cannot be opened or read, see `open_input`.
+    """
+    with open_input(path) as file:
+        while piece := file.read(_PIECE):
+            yield piece
 
 
 def check_is_file(path: Path) -> None:

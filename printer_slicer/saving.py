@@ -11,7 +11,22 @@ from pathlib import Path
 
 from printer_slicer.errors import OutputError
 
-__all__ = ["check_writable", "make_folder", "save"]
+__all__ = ["check_writable", "make_folder", "save", "sync_folder"]
+
+
+def sync_folder(folder: Path) -> None:
+    """Write the names of the files in a folder to the disk, so that they survive a power cut; where systems can.
+
+    Raises:
+        OSError: the folder cannot be opened or written.
+    """
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def check_writable(path: Path) -> None:

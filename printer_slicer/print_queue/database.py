@@ -21,8 +21,6 @@ _BUSY_TIMEOUT: Final = 30.0  # s to wait for the transaction of another process
 
 MIGRATIONS: Final[tuple[str, ...]] = (
     """
-    CREATE TABLE revision (number INTEGER NOT NULL) STRICT;
-    INSERT INTO revision VALUES (0);
     CREATE TABLE file (
         id TEXT PRIMARY KEY,
         name TEXT NOT NULL,
@@ -89,7 +87,7 @@ class QueueDatabase:
 
     Args:
         path: file of the database; it is created if it is missing, its folder is not.
-        migrations: statements that lead from each version of the schema to the next; the first makes `revision`.
+        migrations: statements that lead from each version of the schema to the next.
 
     Raises:
         OutputError: the file is no database, or that of a newer version of this program.
@@ -168,6 +166,9 @@ class QueueDatabase:
                 self._connection.backup(copy)
         self._connection.execute("BEGIN IMMEDIATE")
         try:
+            if not self._read_version():
+                self._connection.execute("CREATE TABLE revision (number INTEGER NOT NULL) STRICT")
+                self._connection.execute("INSERT INTO revision VALUES (0)")
             for statements in self._migrations[self._read_version() :]:
                 for statement in statements.split(";"):
                     self._connection.execute(statement)

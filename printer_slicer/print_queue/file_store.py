@@ -12,6 +12,7 @@ from time import time
 from typing import Final, NamedTuple
 
 from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.saving import sync_folder
 
 __all__ = ["DEFAULT_MAX_BYTES", "FileStore", "StoredContent"]
 
@@ -107,9 +108,4 @@ class FileStore:
         """Give a complete file its final name."""
         target.parent.mkdir(exist_ok=True, mode=0o700)
         partial.replace(target)
-        if os.name == "posix":
-            handle = os.open(target.parent, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
+        sync_folder(target.parent)

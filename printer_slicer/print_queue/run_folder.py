@@ -23,7 +23,7 @@ from typing import Any, Final, Literal, NamedTuple, get_args
 from printer_slicer.errors import OutputError
 from printer_slicer.print_queue.records import RunOutcome
 from printer_slicer.process_lock import ProcessLock
-from printer_slicer.saving import save
+from printer_slicer.saving import save, sync_folder
 from printer_slicer.values import Struct, as_dict
 
 __all__ = [
@@ -140,12 +140,7 @@ def try_to_claim(folder: Path) -> bool:
         os.fsync(handle)
     finally:
         os.close(handle)
-    if os.name == "posix":  # the name of the file is to survive a power cut, too
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    sync_folder(folder)
     return True
 
 

@@ -13,7 +13,7 @@ import httpx
 from printer_slicer.errors import PortError, UsageError
 from printer_slicer.values import Struct
 
-__all__ = ["Connection", "CountedFile", "Upload", "make_rejection_error"]
+__all__ = ["Connection", "CountedFile", "Upload", "make_rejection_error", "read_status_json"]
 
 _CHUNK: Final = 1 << 16
 _MAX_ERROR_LENGTH: Final = 200  # maximum length of a server's error message, characters
@@ -216,6 +216,17 @@ class Connection:
                 remedy="Check the address and the kind of server after --to",
             )
         return found
+
+
+def read_status_json(connection: Connection, answer: httpx.Response) -> dict[str, Any]:
+    """Return the JSON object of an answer to a request for the status.
+
+    Raises:
+        PortError: the server rejected the request, or the answer is no JSON object.
+    """
+    if answer.status_code != 200:
+        raise make_rejection_error(connection, answer, "the status could not be read")
+    return connection.parse_json(answer)
 
 
 def make_rejection_error(connection: Connection, answer: httpx.Response, problem: str) -> PortError:

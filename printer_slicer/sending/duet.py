@@ -12,7 +12,7 @@ from urllib.parse import quote
 from zlib import crc32
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error, read_status_json
 from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
 __all__ = ["cancel_on_duet", "read_duet_status", "send_to_duet"]
@@ -66,9 +66,7 @@ def read_duet_status(connection: Connection) -> RemoteStatus:
 def _read_model(connection: Connection, path: str) -> dict[str, Any]:
     """Read the object model, or a part of it."""
     answer = connection.request("GET", path)
-    if answer.status_code != 200:
-        raise make_rejection_error(connection, answer, "the status could not be read")
-    return connection.parse_json(answer)
+    return read_status_json(connection, answer)
 
 
 def _make_status(state: dict[str, Any], job: dict[str, Any]) -> RemoteStatus:

@@ -10,7 +10,7 @@ from hashlib import file_digest
 from typing import Final
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error, read_status_json
 from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
 __all__ = ["cancel_on_moonraker", "read_moonraker_status", "send_to_moonraker"]
@@ -74,9 +74,7 @@ def read_moonraker_status(connection: Connection) -> RemoteStatus:
     answer = connection.request("GET", "/printer/objects/query?print_stats&virtual_sdcard")
     if answer.status_code == 503:
         return RemoteStatus("offline", message="Klipper is not ready")
-    if answer.status_code != 200:
-        raise make_rejection_error(connection, answer, "the status could not be read")
-    found = (connection.parse_json(answer).get("result") or {}).get("status") or {}
+    found = (read_status_json(connection, answer).get("result") or {}).get("status") or {}
     statistics = found.get("print_stats") or {}
     text = str(statistics.get("state", ""))
     ended = text in {"complete", "cancelled", "error"}

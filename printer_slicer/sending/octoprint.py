@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error, read_status_json
 from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
 __all__ = ["cancel_on_octoprint", "read_octoprint_status", "send_to_octoprint"]
@@ -66,9 +66,7 @@ def read_octoprint_status(connection: Connection) -> RemoteStatus:
     """
     _log_in(connection)
     answer = connection.request("GET", "/api/job")
-    if answer.status_code != 200:
-        raise make_rejection_error(connection, answer, "the status could not be read")
-    found = connection.parse_json(answer)
+    found = read_status_json(connection, answer)
     text = str(found.get("state", ""))
     share = parse_share((found.get("progress") or {}).get("completion"), 100)
     state: RemoteState = "idle"

@@ -9,7 +9,7 @@ from typing import Any, Final
 from urllib.parse import quote
 
 from printer_slicer.errors import PortError
-from printer_slicer.sending.connection import Connection, Upload, make_rejection_error
+from printer_slicer.sending.connection import Connection, Upload, make_rejection_error, read_status_json
 from printer_slicer.sending.remote_status import RemoteState, RemoteStatus, parse_share
 
 __all__ = ["cancel_on_prusalink", "read_prusalink_status", "send_to_prusalink"]
@@ -67,9 +67,7 @@ def read_prusalink_status(connection: Connection) -> RemoteStatus:
     """
     _log_in(connection)
     answer = connection.request("GET", "/api/v1/status")
-    if answer.status_code != 200:
-        raise make_rejection_error(connection, answer, "the status could not be read")
-    found = connection.parse_json(answer)
+    found = read_status_json(connection, answer)
     text = str((found.get("printer") or {}).get("state", ""))
     job = _read_job(connection)
     return RemoteStatus(

@@ -34,8 +34,6 @@ _LINK_SECONDS: Final = 600.0
 _USE_STEP: Final = 60.0  # s; the last use of a key is stored this accurately
 _MIGRATIONS: Final = (
     """
-    CREATE TABLE revision (number INTEGER NOT NULL) STRICT;
-    INSERT INTO revision VALUES (0);
     CREATE TABLE key (
         id TEXT PRIMARY KEY,
         name TEXT NOT NULL,

@@ -20,6 +20,7 @@ from threading import Lock
 from typing import Any, Final, Literal
 
 from printer_slicer.errors import UsageError
+from printer_slicer.input_files import read_pieces
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.print_queue.records import clean_name
 from printer_slicer.server.workers import FileReader
@@ -33,7 +34,6 @@ MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf",
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
 _STAGE: Final = re.compile(r"\s*[\d.]+ s  (.+)")
-_PIECE: Final = 1 << 20  # bytes
 _USAGE: Final = 2  # exit code of the command
 
 
@@ -243,8 +243,7 @@ class Slicer:
         base = model.rsplit(".", 1)[0]
         number = path.stem.rsplit("-", 1)[-1]
         name = f"{base}-{number}.gcode" if n_plates > 1 else f"{base}.gcode"
-        with path.open("rb") as file:
-            stored = self._queue.add_file(name, iter(lambda: file.read(_PIECE), b""))
+        stored = self._queue.add_file(name, read_pieces(path))
         with suppress(UsageError):
             self._reader.read(stored.id)
         return stored.id

@@ -16,6 +16,7 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.help import format_actions
 from printer_slicer.cli.output import print_result, print_text
 from printer_slicer.errors import UsageError
+from printer_slicer.input_files import read_pieces
 from printer_slicer.texts import format_duration
 from printer_slicer.values import as_dict
 
@@ -44,7 +45,6 @@ _ACTIONS: Final = {
     "run": "start jobs on printers with a clear bed, until Ctrl-C",
 }
 _BEDS: Final = {"clear": "bed clear", "occupied": "bed occupied", "unknown": "bed may be occupied"}
-_PIECE: Final = 1 << 20  # bytes
 _MOST_ENDED: Final = 100  # jobs that --all lists
 
 
@@ -139,7 +139,7 @@ def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     queue.list_printers()  # fails before a file is stored
     jobs: list[QueuedJob] = []
     for path in reversed(paths) if arguments.first else paths:
-        file = queue.add_file(path.name, _read_pieces(path))
+        file = queue.add_file(path.name, _read_file(path))
         if queue.read_facts(file.id) is None:
             queue.store_facts(file.id, read_file_facts(queue.files.find_path(file.id), path.name))
         request = JobRequest(
@@ -156,19 +156,17 @@ def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     return print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
 
 
-def _read_pieces(path: Path) -> Iterator[bytes]:
+def _read_file(path: Path) -> Iterator[bytes]:
     """Yield a file in pieces.
 
     Raises:
         UsageError: the file cannot be read.
     """
     try:
-        with path.open("rb") as file:
-            while piece := file.read(_PIECE):
-                yield piece
+        yield from read_pieces(path)
     except OSError as error:
         raise UsageError(
-            f"{path}: cannot be read: {error.strerror}", remedy="Check the name of the file"
+            f"{path}: cannot be read: {error.strerror or error}", remedy="Check the name of the file"
         ) from None
 
 
