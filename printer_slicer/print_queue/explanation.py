@@ -91,7 +91,7 @@ def _find_lasting_reasons(
 def _find_earlier_job(
     queue: PrintQueue, snapshot: QueueSnapshot, job: QueuedJob, entry: PrinterEntry, state: PrinterState
 ) -> int | None:
-    """Return the first ready job that stands before this one and that the printer can print, too."""
+    """Return the first ready job that is ahead of this one and that the printer can print, too."""
     for one in snapshot.jobs:
         if one.id == job.id:
             return None

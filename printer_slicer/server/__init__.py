@@ -5,6 +5,6 @@ browser, slicers -- HTTP, WebSocket --> server (one process, asyncio)
                                           |- worker processes that read files and slice models
                                           `- control sockets <-- one process per print --> printer
 
-The server has no port and no print: a print that it starts is a process of its own and goes on if the server dies.
+The server opens no serial port: each print that it starts is a separate process, which continues if the server dies.
 Everything that changes a print passes through `print_queue` or the control socket of the print, as on the command line.
 """
