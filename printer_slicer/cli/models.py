@@ -176,27 +176,22 @@ def _load_parts(arguments: argparse.Namespace, profile: Profile, report: StageRe
     keep_freed_memory()
     reject_positions_with_copies(arguments)
     files = {path: _load_transformed(arguments, path, report) for path in dict.fromkeys(arguments.models)}
+    separate = _split_files(arguments, files)
     turned: tuple[dict[str, Any], ...] = ()
     comments: tuple[str, ...] = ()
-    if any(
-        getattr(arguments, name, None) not in {None, "off"}
-        for name in ("orient", "orient_keep_up", "orient_row")
-    ):
+    if _is_orientation_requested(arguments):
         from printer_slicer.cli.orient_models import turn_models
 
-        meshes, turned, comments = turn_models(
-            arguments, {path: one.mesh for path, one in files.items()}, profile, report
-        )
-        files = {path: one._replace(mesh=meshes[path]) for path, one in files.items()}
+        separate, turned, comments = turn_models(arguments, separate, profile, report)
     volumes = _load_volumes(arguments, report)
     room = np.array(profile.printer.print_volume)
     warnings = list(_list_file_warnings(arguments, files, room))
     placement = _make_placement(arguments, [one.model for one in files.values()])
     if not arguments.fuse:
         _reject_overlapping_objects(files)
-    parts, why = _collect_parts(arguments, files, profile.printer)
+    parts, why = _collect_parts(arguments, separate, profile.printer)
     if why is None:
-        warnings += _list_floating_part_warnings(files, placement)
+        warnings += _list_floating_part_warnings(separate, placement)
     models = tuple(_collect_model_facts(one.model) for one in files.values())
     plate = Plate(placement, tuple(warnings), models, turned=turned, comments=comments)
     return _LoadedParts(parts, why, volumes, plate)
@@ -220,24 +215,54 @@ def _arrange_parts(
     return arranged, plate
 
 
+def _split_files(
+    arguments: argparse.Namespace, files: Mapping[Path, _LoadedFile]
+) -> Mapping[Path, Sequence[Mesh]]:
+    """Return the parts of each file: several if they are moved separately, to arrange or to turn them.
+
+    Raises:
+        UsageError: parts of a file are to be turned, but to keep their positions.
+    """
+    is_turned = getattr(arguments, "orient", "off") != "off"
+    if arguments.fuse or not (is_turned or arguments.arrange):
+        return {path: [one.mesh] for path, one in files.items()}
+    parts: dict[Path, Sequence[Mesh]] = {
+        path: split_separate_objects(one.mesh) for path, one in files.items()
+    }
+    flag = "--as-placed" if arguments.as_placed else "--center" if arguments.center is not None else ""
+    for path, own in parts.items():
+        if flag and is_turned and len(own) > 1:
+            raise UsageError(
+                f"{flag}: --orient turns each of the {len(own)} parts of {path.name}, which then cannot keep "
+                "their positions",
+                remedy=f"Leave out {flag}, or turn the parts together with --fuse",
+            )
+    return parts
+
+
+def _is_orientation_requested(arguments: argparse.Namespace) -> bool:
+    """Return whether there is an option for turning parts, which may also be one without effect."""
+    options = ("orient", "orient_keep_up", "orient_row")
+    return any(getattr(arguments, name, None) not in {None, "off"} for name in options)
+
+
 def _collect_parts(
-    arguments: argparse.Namespace, files: Mapping[Path, _LoadedFile], printer: Printer
+    arguments: argparse.Namespace, files: Mapping[Path, Sequence[Mesh]], printer: Printer
 ) -> tuple[list[Mesh], str | None]:
     """Return the parts to print, and why they are arranged: empty if this is requested; None: they are not arranged.
 
     Raises:
         PartError: parts overlap, but positions are given.
     """
-    parts = [files[path].mesh for path in arguments.models]
+    parts = [part for path in arguments.models for part in files[path]]
     if arguments.fuse:
         count = count_fused_copies(arguments)
-        fused = [join([one.mesh for one in files.values()])] * count
+        fused = [join([part for own in files.values() for part in own])] * count
         return fused, "" if is_arranging_requested(arguments) else None
     if is_arranging_requested(arguments):
-        if arguments.arrange:
-            split = {path: split_separate_objects(one.mesh) for path, one in files.items()}
-            parts = [part for path in arguments.models for part in split[path]]
         return [part for part in parts for _ in range(arguments.copies)], ""
+    if split := [path.name for path, own in files.items() if len(own) > 1]:
+        return parts, f"the parts of {split[0]} are oriented one by one"
     is_placed = arguments.as_placed or arguments.center is not None
     overlaps = _describe_overlapping_files(arguments.models, parts, _MOST_SHOWN if is_placed else 1)
     return parts, explain_arranging(arguments, parts, overlaps, printer) or None
@@ -358,9 +383,9 @@ def _collect_model_facts(model: Model) -> dict[str, Any]:
     }
 
 
-def _list_floating_part_warnings(files: Mapping[Path, _LoadedFile], placement: Placement) -> list[str]:
-    """Return a warning for each file whose part does not touch the bed."""
-    bottoms = {path: float(one.mesh.bounds[0, 2]) for path, one in files.items()}
+def _list_floating_part_warnings(parts: Mapping[Path, Sequence[Mesh]], placement: Placement) -> list[str]:
+    """Return a warning for each file whose part does not touch the bed; each file has one mesh."""
+    bottoms = {path: float(mesh.bounds[0, 2]) for path, (mesh,) in parts.items()}
     bed = min(bottoms.values()) if placement.drop else 0.0
     return [
         f"{path.name}: the part starts {bottom - bed:.4g} mm above the bed, because of its position in the file"

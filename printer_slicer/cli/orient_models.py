@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -22,58 +22,57 @@ __all__ = ["TurnedModels", "choose_row", "collect_row_facts", "format_rotation",
 
 
 class TurnedModels(NamedTuple):
-    """Models that may have been turned.
+    """Parts that may have been turned.
 
     Attributes:
-        meshes: the mesh of each file.
-        facts: facts about each file, for JSON; empty without --orient.
-        comments: how each file was turned, for the head of the G-code.
+        parts: the meshes of each file.
+        facts: facts about each part, for JSON; empty without --orient.
+        comments: how each part was turned, for the head of the G-code.
     """
 
-    meshes: Mapping[Path, Mesh]
+    parts: Mapping[Path, Sequence[Mesh]]
     facts: tuple[dict[str, Any], ...] = ()
     comments: tuple[str, ...] = ()
 
 
 def turn_models(
-    arguments: argparse.Namespace, meshes: Mapping[Path, Mesh], profile: Profile, report: StageReport
+    arguments: argparse.Namespace, parts: Mapping[Path, Sequence[Mesh]], profile: Profile, report: StageReport
 ) -> TurnedModels:
-    """Turn each model as --orient says, and print a line about each.
+    """Turn each part of each file as --orient says, and print a line about each.
 
     Raises:
         UsageError: an option has no effect without --orient, or does not go together with it, or there is no such row.
     """
     how: Literal["off", "fast", "careful"] = getattr(arguments, "orient", "off")
-    _check_options(arguments, how, len(meshes))
+    _check_options(arguments, how, sum(len(own) for own in parts.values()))
     if how == "off":
-        return TurnedModels(meshes)
+        return TurnedModels(parts)
     from printer_slicer.orientation import KEEP_ANY, find_orientations
     from printer_slicer.orienting import turn_mesh
 
     keep_up = KEEP_ANY if arguments.orient_keep_up is None else arguments.orient_keep_up
-    turned, facts, comments = dict(meshes), [], []
-    for path, mesh in meshes.items():
-        found = find_orientations(mesh, profile, search=how, keep_up=keep_up, report=report)
-        row = choose_row(found, arguments.orient_row)
-        turned[path] = turn_mesh(mesh, row.rotate)
-        facts.append({"file": str(path), **collect_row_facts(row)})
-        if row.is_original:
-            comments.append(f"{path.name}: not rotated by --orient {how}")
-        else:
-            comments.append(
-                f"{path.name}: rotated by {format_rotation(row)} degrees about x, y, z (--orient {how})"
-            )
-        if not arguments.quiet:
-            print(
-                sanitize(
-                    f"printer-slicer: {path.name}: {_describe(row, found, is_chosen=row is found.chosen)}"
-                ),
-                file=sys.stderr,
-            )
+    turned: dict[Path, list[Mesh]] = {path: [] for path in parts}
+    facts, comments = [], []
+    for path, meshes in parts.items():
+        for mesh in meshes:
+            name = path.name if len(meshes) == 1 else f"{path.name}, {mesh.name}"
+            found = find_orientations(mesh, profile, search=how, keep_up=keep_up, report=report)
+            row = choose_row(found, arguments.orient_row)
+            turned[path].append(turn_mesh(mesh, row.rotate))
+            facts.append({"file": str(path), "part": mesh.name, **collect_row_facts(row)})
+            comments.append(f"{name}: {_describe_rotation(row)} (--orient {how})")
+            if not arguments.quiet:
+                text = f"printer-slicer: {name}: {_describe(row, found, is_chosen=row is found.chosen)}"
+                print(sanitize(text), file=sys.stderr)
     return TurnedModels(turned, tuple(facts), tuple(comments))
 
 
-def _check_options(arguments: argparse.Namespace, how: str, n_models: int) -> None:
+def _describe_rotation(row: Orientation) -> str:
+    """Return by which angles a part was rotated."""
+    return "not rotated" if row.is_original else f"rotated by {format_rotation(row)} degrees about x, y, z"
+
+
+def _check_options(arguments: argparse.Namespace, how: str, n_parts: int) -> None:
     """Check that the options for turning parts go together.
 
     Raises:
@@ -88,10 +87,10 @@ def _check_options(arguments: argparse.Namespace, how: str, n_models: int) -> No
             )
     if how == "off":
         return
-    if arguments.orient_row is not None and n_models > 1:
+    if arguments.orient_row is not None and n_parts > 1:
         raise UsageError(
-            f"--orient-row {arguments.orient_row}: there are {n_models} models, each with rows of its own",
-            remedy="Turn the models one by one, with --rotate",
+            f"--orient-row {arguments.orient_row}: there are {n_parts} parts, each with rows of its own",
+            remedy="Turn the parts one by one, with --rotate",
         )
     for name in ("support_enforcer", "support_blocker", "modifier"):
         if getattr(arguments, name):
@@ -133,7 +132,7 @@ def _describe(row: Orientation, found: Orientations, *, is_chosen: bool) -> str:
         )
     known = "" if row.is_sliced and given.is_sliced else "about "
     text = (
-        f"rotated by {format_rotation(row)} degrees about x, y, z; {known}{format_duration(60 * row.minutes)} and "
+        f"{_describe_rotation(row)}; {known}{format_duration(60 * row.minutes)} and "
         f"{format_significant(row.support_g)} g of support instead of {format_duration(60 * given.minutes)} and "
         f"{format_significant(given.support_g)} g"
     )

@@ -9,7 +9,7 @@ import pytest
 from command_line import QUICK, is_message, typed
 
 import printer_slicer as ps
-from tests.mesh_io.tiny_files import binary_stl, item, mesh_xml, model_xml, three_mf
+from tests.mesh_io.tiny_files import binary_stl
 from tests.parts import box
 from tests.supports.shapes import tee
 
@@ -59,7 +59,7 @@ def test_a_part_that_lies_well_is_not_turned(tmp_path: Path) -> None:
     outcome = typed("slice", str(path), "-o", str(output), "--orient", "fast", *QUICK)
 
     assert "tile.stl: not rotated" in outcome.err
-    assert "; tile.stl: not rotated by --orient fast" in output.read_text()
+    assert "; tile.stl: not rotated (--orient fast)" in output.read_text()
 
 
 def test_several_parts_are_turned_one_by_one_and_then_arranged(tee_file: Path, tmp_path: Path) -> None:
@@ -81,16 +81,6 @@ def test_several_parts_are_turned_one_by_one_and_then_arranged(tee_file: Path, t
     assert outcome.code == 0, outcome.err
     assert [Path(one["file"]).name for one in facts["orientations"]] == ["tee.stl", "post.stl"]
     assert [one["height_mm"] for one in facts["orientations"]] == pytest.approx([6, 5])
-
-
-def test_objects_of_one_file_turn_together(tmp_path: Path) -> None:
-    path = tmp_path / "plate.3mf"
-    moved = item(2, (1, 0, 0, 0, 1, 0, 0, 0, 1, 40, 0, 0))
-    path.write_bytes(three_mf(model_xml({1: mesh_xml(), 2: mesh_xml()}, item(1) + moved)))
-    outcome = typed("slice", str(path), "-o", str(tmp_path / "x.gcode"), "--orient", "fast", "--json", *QUICK)
-
-    assert outcome.code == 0, outcome.err
-    assert len(json.loads(outcome.out)["orientations"]) == 1
 
 
 def test_orient_lists_the_ways_and_marks_the_chosen_one(tee_file: Path) -> None:
@@ -175,3 +165,44 @@ def test_rows_need_a_single_model(tee_file: Path, tmp_path: Path) -> None:
 
     assert outcome.code == 2
     assert "each with rows of its own" in outcome.err
+
+
+@pytest.fixture
+def plate_file(tmp_path: Path, tee_file: Path) -> Path:
+    """A 3MF plate with a tee and a tile, side by side."""
+    tile, path = tmp_path / "tile.stl", tmp_path / "plate.3mf"
+    tile.write_bytes(binary_stl(box((12, 9, 2)).triangles))
+    assert typed("arrange", str(tee_file), str(tile), "-o", str(path)).code == 0
+    return path
+
+
+def test_the_parts_of_a_plate_are_turned_one_by_one(plate_file: Path, tmp_path: Path) -> None:
+    output = tmp_path / "plate.gcode"
+    outcome = typed("slice", str(plate_file), "-o", str(output), "--orient", "fast", "--json", *QUICK)
+    assert outcome.code == 0, outcome.err
+    facts = json.loads(outcome.out)
+
+    assert {one["part"]: one["height_mm"] for one in facts["orientations"]} == pytest.approx(
+        {"tee": 6, "tile": 2}
+    )
+    assert "the parts of plate.3mf are oriented one by one: arranged 2 parts" in outcome.err
+    assert "; plate.3mf, tile: not rotated (--orient fast)" in output.read_text()
+
+
+@pytest.mark.parametrize("position", [["--as-placed"], ["--center", "100,100"]])
+def test_parts_that_are_turned_one_by_one_cannot_keep_positions(
+    plate_file: Path, tmp_path: Path, position: list[str]
+) -> None:
+    line = ["slice", str(plate_file), "-o", str(tmp_path / "x.gcode"), "--orient", "fast", *position, *QUICK]
+    refused, fused = typed(*line), typed(*line, "--fuse")
+
+    assert refused.code == 2
+    assert f"{position[0]}: --orient turns each of the 2 parts of plate.3mf" in refused.err
+    assert fused.code == 0, fused.err
+    assert "plate.3mf: " in fused.err
+
+
+def test_orient_has_a_table_for_each_part_of_a_plate(plate_file: Path) -> None:
+    outcome = typed("orient", str(plate_file), *QUICK)
+    assert "plate.3mf, tee: orientations" in outcome.out
+    assert "plate.3mf, tile: orientations" in outcome.out

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from printer_slicer.cli.arguments import (
     add_keep_up_option,
@@ -14,6 +15,7 @@ from printer_slicer.cli.arguments import (
     add_transform_options,
     add_units_option,
 )
+from printer_slicer.cli.arrange_models import split_separate_objects
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.orient_models import collect_row_facts, format_rotation
 from printer_slicer.cli.output import print_text, show_stages, warn
@@ -21,8 +23,10 @@ from printer_slicer.cli.settings import collect_profile_facts, load_selected_pro
 from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
+    from printer_slicer.cli.output import StageReport
     from printer_slicer.orientation import Search
     from printer_slicer.orienting import Orientation, Orientations
+    from printer_slicer.profile import Profile
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -51,52 +55,78 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output_options(parser)
 
 
+class _Table(NamedTuple):
+    """The orientations of one part of a file."""
+
+    path: Path
+    part: str
+    title: str
+    found: Orientations
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Compare the orientations of each part."""
-    from printer_slicer.mesh_io import load_model
-    from printer_slicer.orientation import KEEP_ANY, find_orientations
-    from printer_slicer.placing import transform
-
     profile = load_selected_profile(arguments)
-    tables: list[tuple[Path, Orientations]] = []
     with show_stages(arguments) as report:
-        for path in dict.fromkeys(arguments.models):
-            report(f"loading {path.name}")
-            model = load_model(path, units=arguments.units)
-            warn(arguments, [f"{path.name}: {note}" for note in model.notes])
-            scale = arguments.scale[:3] if arguments.scale else 1.0
-            mesh = transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
-            keep_up = KEEP_ANY if arguments.keep_up is None else arguments.keep_up
-            search: Search = "careful" if arguments.careful else "fast"
-            tables.append(
-                (path, find_orientations(mesh, profile, search=search, keep_up=keep_up, report=report))
-            )
+        tables = [
+            table
+            for path in dict.fromkeys(arguments.models)
+            for table in _compare_orientations(arguments, path, profile, report)
+        ]
     if arguments.json:
-        facts = {"models": [_collect_facts(path, found) for path, found in tables]}
+        facts = {"models": [_collect_facts(one) for one in tables]}
         print(json.dumps(facts | collect_profile_facts(arguments)))
     else:
         shown = None if arguments.all else _MOST_ROWS
         print_text(
             arguments,
-            "\n".join(_format_table(path, found, shown) for path, found in tables),
+            "\n".join(_format_table(one.title, one.found, shown) for one in tables),
             is_message=False,
         )
     return 0
 
 
-def _collect_facts(path: Path, found: Orientations) -> dict[str, Any]:
-    """Return all rows of a model for JSON."""
-    chosen = found.rows.index(found.chosen) + 1
-    return {"file": str(path), "chosen_row": chosen, "rows": [collect_row_facts(row) for row in found.rows]}
+def _compare_orientations(
+    arguments: argparse.Namespace, path: Path, profile: Profile, report: StageReport
+) -> Iterator[_Table]:
+    """Yield the orientations of each part of a file."""
+    from printer_slicer.mesh_io import load_model
+    from printer_slicer.orientation import KEEP_ANY, find_orientations
+    from printer_slicer.placing import transform
+
+    report(f"loading {path.name}")
+    model = load_model(path, units=arguments.units)
+    warn(arguments, [f"{path.name}: {note}" for note in model.notes])
+    scale = arguments.scale[:3] if arguments.scale else 1.0
+    keep_up = KEEP_ANY if arguments.keep_up is None else arguments.keep_up
+    search: Search = "careful" if arguments.careful else "fast"
+    parts = split_separate_objects(
+        transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
+    )
+    for part in parts:
+        title = path.name if len(parts) == 1 else f"{path.name}, {part.name}"
+        found = find_orientations(part, profile, search=search, keep_up=keep_up, report=report)
+        yield _Table(path, part.name, title, found)
 
 
-def _format_table(path: Path, found: Orientations, most: int | None) -> str:
-    """Format the rows of a model: the first ones, the part as given and the chosen one."""
+def _collect_facts(table: _Table) -> dict[str, Any]:
+    """Return all rows of a part for JSON."""
+    found = table.found
+    return {
+        "file": str(table.path),
+        "part": table.part,
+        "chosen_row": found.rows.index(found.chosen) + 1,
+        "rows": [collect_row_facts(row) for row in found.rows],
+    }
+
+
+def _format_table(title: str, found: Orientations, most: int | None) -> str:
+    """Format the rows of a part: the first ones, the part as given and the chosen one."""
     head = (
         f"  {'row':>3} {'cost':>8}{'print time':>12}{'support':>9}{'overhang':>11}{'deviation':>11}{'height':>10}"
         f"{'contact':>10}{'tilt':>6}   --rotate"
     )
-    lines = [f"{path.name}: orientations; cost in minutes, deviation is the mean", head]
+    lines = [f"{title}: orientations; cost in minutes, deviation is the mean", head]
     for number, row in enumerate(found.rows, start=1):
         if most is None or number <= most or row.is_original:
             lines.append(_format_row(number, row, is_chosen=row is found.chosen))
