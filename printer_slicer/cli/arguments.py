@@ -80,7 +80,7 @@ def parse_address(text: str) -> tuple[str, int]:
 
 def parse_distance(text: str) -> float:
     """Parse a distance in mm, 0 or more."""
-    return _parse_checked_number(text, "a distance in mm, such as 6", lambda value: 0 <= value < 1000)
+    return _parse_checked_number(text, "a distance below 1000 mm, such as 6", lambda value: 0 <= value < 1000)
 
 
 def parse_factor(text: str) -> float:

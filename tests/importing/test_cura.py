@@ -343,3 +343,17 @@ def test_disallowed_areas_are_measured_from_the_middle_and_to_the_front(folder: 
 
     printer = loaded(imported(path), folder).printer
     assert printer.excluded_areas == ("0x0 30x0 30x10 0x10", "180x210 170x210 180x195")
+
+
+def test_the_outline_of_the_head_and_the_height_of_the_gantry_are_imported(folder: Path) -> None:
+    machine = json.loads((folder / "acme.def.json").read_text())
+    head = [[-26, 34], [-26, -32], [32, -32], [32, 34]]
+    machine["overrides"] |= {
+        "machine_head_with_fans_polygon": {"default_value": head},
+        "gantry_height": {"value": "25"},
+    }
+    json_file(folder / "acme.def.json", machine)
+    low, gantry = loaded(imported(folder / "acme.def.json"), folder).printer.head
+
+    assert low == "0: -26x34 -26x-32 32x-32 32x34"
+    assert gantry.startswith("25: ")
