@@ -98,7 +98,7 @@ def list_job_repair_facts(job: Job) -> list[dict[str, Any]]:
     """Return the repairs of a job's part for JSON; import the module for repairs only if there are any."""
     if job.repairs is None or not job.repairs.count:
         return []
-    from printer_slicer.cli.facts import list_repair_facts
+    from printer_slicer.facts.slicing import list_repair_facts
 
     return list_repair_facts(job.repairs)
 
@@ -107,7 +107,7 @@ def format_job_repair_sentences(job: Job) -> list[str]:
     """Return the repairs of a job's part as sentences."""
     if job.repairs is None or not job.repairs.count:
         return []
-    from printer_slicer.cli.facts import format_repair_sentences
+    from printer_slicer.facts.slicing import format_repair_sentences
 
     return format_repair_sentences(list_job_repair_facts(job))
 

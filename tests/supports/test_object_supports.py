@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from printer_slicer.cli.overhang_facts import collect_overhang_facts
 from printer_slicer.extrusion import move_seconds
+from printer_slicer.facts.overhangs import collect_overhang_facts
 from printer_slicer.geometry import intersection, normalize, offset
 from printer_slicer.model import Mesh, Program
 from printer_slicer.pipeline import plan_part, slice_planned, slice_stages

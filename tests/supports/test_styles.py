@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.support_parts import turned
-from printer_slicer.cli.support_facts import collect_support_facts, format_support_sentences
 from printer_slicer.extrusion import extrude, move_seconds
+from printer_slicer.facts.supports import collect_support_facts, format_support_sentences
 from printer_slicer.geometry import intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.ordering import order

@@ -94,8 +94,8 @@ class _Target(Struct, frozen=True):
 
 def run(arguments: argparse.Namespace) -> int:
     """Slice a model, write its contours, and print how much they deviate from the sections."""
-    from printer_slicer.cli.facts import format_repair_sentences, list_repair_facts
     from printer_slicer.cli.models import load_repaired_plate
+    from printer_slicer.facts.slicing import format_repair_sentences, list_repair_facts
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs
     from printer_slicer.pipeline import plan_part
@@ -358,7 +358,7 @@ def _find_notes(sections: Sections, rounded: RoundedRings, target: _Target) -> l
 
 def _format_facts(facts: dict[str, Any]) -> list[str]:
     """Format the facts about the written contours as sentences."""
-    from printer_slicer.cli.facts import format_runs
+    from printer_slicer.facts.slicing import format_runs
 
     files = f"{facts['files']} files, " if facts["format"] == "svgs" else ""
     off = facts["at_most_off"]

@@ -82,8 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare layer plans of a part, and print the certificate of the chosen plan."""
     import numpy as np
 
-    from printer_slicer.cli.facts import collect_certificate_facts, list_repair_facts
     from printer_slicer.cli.models import apply_projects, load_repaired_plate
+    from printer_slicer.facts.slicing import collect_certificate_facts, list_repair_facts
     from printer_slicer.healing import require_no_repair
     from printer_slicer.model import Repairs, stack_sections
     from printer_slicer.pipeline import plan_objects
@@ -137,7 +137,7 @@ def _format_certificate(
     arguments: argparse.Namespace, plan: str, facts: dict[str, Any], repairs: list[dict[str, Any]]
 ) -> list[str]:
     """Format the certificate of the chosen plan, the repairs of the part, and the name of the picture."""
-    from printer_slicer.cli.facts import format_certificate_sentences, format_repair_sentences
+    from printer_slicer.facts.slicing import format_certificate_sentences, format_repair_sentences
 
     lines = [*format_certificate_sentences(facts), *format_repair_sentences(repairs)]
     shown = describe_picture(arguments.picture, "the chosen plan")
@@ -225,9 +225,9 @@ def _compare_plans(
     part: Mesh, profile: Profile, chosen: Sequence[ObjectStack], show: _Progress, *, everything: bool
 ) -> list[dict[str, object]]:
     """Return a row for each plan: the uniform plans, those of all planners if `everything`, and the chosen plan."""
-    from printer_slicer.cli.facts import find_largest_flat_error
-    from printer_slicer.cli.stack_facts import collect_stack_facts
     from printer_slicer.extrusion import move_seconds
+    from printer_slicer.facts.slicing import find_largest_flat_error
+    from printer_slicer.facts.stacks import collect_stack_facts
     from printer_slicer.object_plans import list_stack_plans
     from printer_slicer.pipeline import plan_objects, slice_part
     from printer_slicer.surface import certify_stacks, find_flats
@@ -330,7 +330,7 @@ def _format_comparison_row(row: Mapping[str, Any]) -> str:
 
 def _format_plan_row(row: Mapping[str, Any], duration: str) -> str:
     """Format the numbers of a plan and its print time as a line."""
-    from printer_slicer.cli.facts import format_runs
+    from printer_slicer.facts.slicing import format_runs
 
     deviation = f"{format_significant(row['max_error_mm'])} mm"
     volume = f"{format_significant(row['volume_error_mm3'])} mm³"
@@ -360,7 +360,7 @@ def _format_paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[st
 
 
 def _format_paper_row(row: Mapping[str, Any]) -> str:
-    from printer_slicer.cli.facts import format_runs
+    from printer_slicer.facts.slicing import format_runs
 
     layers = f"{row['layers']:>8}{100 * row['layers_saved']:>7.1f} %"
     time = f"{format_duration(row['seconds']):>14}{100 * row['time_saved']:>7.1f} %"

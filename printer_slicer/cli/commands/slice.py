@@ -189,8 +189,8 @@ def _slice_plate(
     arguments: Namespace, profile: Profile, meshes: list[Mesh], plate: Plate, output: Path
 ) -> None:
     """Slice the only mesh of a list, which is removed from it; write the G-code to a file and print a summary."""
-    from printer_slicer.cli.facts import collect_slicing_facts
     from printer_slicer.cli.models import apply_projects, release_memory_between_stages
+    from printer_slicer.facts.slicing import collect_slicing_facts
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify_stacks
@@ -238,7 +238,7 @@ def _measure_times(stage: Stages, profile: Profile) -> tuple[float, list[dict[st
     seconds = move_seconds(stage.program, profile)
     objects: list[dict[str, Any]] = []
     if stage.labels is not None:
-        from printer_slicer.cli.object_facts import collect_object_facts
+        from printer_slicer.facts.objects import collect_object_facts
 
         objects = collect_object_facts(stage, profile, seconds)
     return float(seconds.sum()), objects
@@ -246,7 +246,7 @@ def _measure_times(stage: Stages, profile: Profile) -> tuple[float, list[dict[st
 
 def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> None:
     """Print the result of slicing, as JSON or as sentences."""
-    from printer_slicer.cli.facts import format_slicing_sentences
+    from printer_slicer.facts.slicing import format_slicing_sentences
 
     if arguments.json:
         import json
@@ -255,7 +255,7 @@ def _print_result(arguments: Namespace, output: Path, facts: dict[str, Any]) -> 
     elif str(output) != "-":
         first, *more = format_slicing_sentences(facts)
         if facts["objects"]:
-            from printer_slicer.cli.object_facts import format_object_sentences
+            from printer_slicer.facts.objects import format_object_sentences
 
             more[1:1] = format_object_sentences(facts["objects"])
         layer = f"layer {arguments.layer or 1} of the print"
@@ -326,7 +326,7 @@ def _list_late_warnings(
     stage: Stages, profile: Profile, unsupported: Sequence[UnsupportedExtrusion]
 ) -> list[str]:
     """Return the warnings that only slicing shows."""
-    from printer_slicer.cli.overhang_facts import (
+    from printer_slicer.facts.overhangs import (
         list_blocked_island_warnings,
         list_unused_volume_warnings,
     )

@@ -56,5 +56,9 @@ def format_object_sentences(objects: Sequence[dict[str, Any]]) -> list[str]:
         f"{one['name']} {format_duration(one['seconds'])}, {format_significant(one['filament_g'])} g"
         for one in objects[:_MOST_SHOWN]
     ]
-    more = [f"{len(objects) - _MOST_SHOWN} more (--json lists all)"] if len(objects) > _MOST_SHOWN else []
+    more = (
+        [f"{len(objects) - _MOST_SHOWN} more (the JSON output lists all)"]
+        if len(objects) > _MOST_SHOWN
+        else []
+    )
     return [f"Objects: {'; '.join([*shown, *more])}"]

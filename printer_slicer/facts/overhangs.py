@@ -79,7 +79,7 @@ def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
         reason = "nothing would get supports within the support blocker"
         warnings += _list_idle_warnings(found.idle_blockers, reason, stages)
     if volumes.enforce is None and len(volumes.enforced_facets):
-        from printer_slicer.slicing import cut_volumes
+        from printer_slicer.slicing import cut_volumes  # noqa: PLC0415 - only with painted facets
 
         enforced = cut_volumes(volumes, found.plan).enforce
         if not intersection(enforced, found.area).n_rings:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, distinct
-from printer_slicer.cli.overhang_facts import collect_overhang_facts, format_overhang_sentences
+from printer_slicer.facts.overhangs import collect_overhang_facts, format_overhang_sentences
 from printer_slicer.model import LayerPlan, Mesh, ObjectStack, Repairs
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.planning.violations import find_violations
@@ -83,7 +83,7 @@ def _collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] |
     """Return the facts about supports, for JSON; None without supports."""
     if stages.supports is None:
         return None
-    from printer_slicer.cli.support_facts import collect_support_facts
+    from printer_slicer.facts.supports import collect_support_facts  # noqa: PLC0415 - only with supports
 
     return collect_support_facts(stages, profile)
 
@@ -180,7 +180,7 @@ def format_slicing_sentences(facts: dict[str, Any]) -> list[str]:
         )
     lines += format_overhang_sentences(facts["overhangs"])
     if facts["supports"]:
-        from printer_slicer.cli.support_facts import format_support_sentences
+        from printer_slicer.facts.supports import format_support_sentences  # noqa: PLC0415 - only with supports
 
         lines += format_support_sentences(facts["supports"])
     lines += _format_link_sentences(facts["link"])
@@ -359,7 +359,7 @@ def _collect_stack_facts(certificate: Certificate) -> list[dict[str, Any]]:
     """Return the layers and the certificate of each stack for JSON."""
     if not certificate.parts:
         return []
-    from printer_slicer.cli.stack_facts import collect_stack_facts
+    from printer_slicer.facts.stacks import collect_stack_facts  # noqa: PLC0415 - only with several stacks
 
     return collect_stack_facts(certificate)
 
@@ -368,7 +368,7 @@ def _format_stack_sentences(facts: list[dict[str, Any]]) -> list[str]:
     """Format layers and certificate of each stack."""
     if not facts:
         return []
-    from printer_slicer.cli.stack_facts import format_stack_sentences
+    from printer_slicer.facts.stacks import format_stack_sentences  # noqa: PLC0415 - only with several stacks
 
     return format_stack_sentences(facts)
 
@@ -483,7 +483,7 @@ def format_violation_sentences(facts: dict[str, Any]) -> list[str]:
         for one in violations[:_MOST_RUNS]
     ]
     if len(violations) > _MOST_RUNS:
-        lines.append(f"{len(violations) - _MOST_RUNS} more violated rules are listed with --json")
+        lines.append(f"{len(violations) - _MOST_RUNS} more violated rules are in the JSON output")
     return lines
 
 
