@@ -32,13 +32,11 @@ from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
 from printer_slicer.placing import Placement, join, transform
 from printer_slicer.profile import profile_with, settings_as_dict
-from printer_slicer.profile.object_profiles import list_support_styles, list_unfollowed_settings
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
     from printer_slicer.arrays import Float
     from printer_slicer.cli.output import StageReport
-    from printer_slicer.importing.projects import Project
     from printer_slicer.model import Mesh, Repairs
     from printer_slicer.overlaps import Overlap
     from printer_slicer.profile import Printer, Profile
@@ -59,7 +57,6 @@ __all__ = [
 
 _SMALLEST_GAP = 0.01  # mm above the bed; a part that starts higher is reported
 _MOST_SHOWN = 3
-_ZIP_SIGNATURE = b"PK"
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
 _MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
     1 << 30,
@@ -523,16 +520,25 @@ def apply_projects(
     Raises:
         UsageError: a project is damaged, or its settings contradict the profile.
     """
-    projects = _read_projects(arguments, profile, mesh, plate.names)
-    changes, warnings = _collect_project_changes(arguments, profile, projects) if projects else ({}, [])
+    from printer_slicer.project_settings import apply_project_settings, list_unused_model_warnings
+
+    typed = collect_changes(arguments)
+    has_height = any(key.endswith(("layer_height", "planner.kind")) for key in typed)
+    applied = apply_project_settings(
+        profile,
+        arguments.models,
+        mesh,
+        names=plate.names,
+        keeps_layer_height=has_height or len(arguments.models) > 1,
+        has_quality=arguments.quality is not None,
+    )
     if plate.tells and not arguments.quiet:
-        for path, project in projects.items():
-            for text in project.used:
+        for path, used in applied.used.items():
+            for text in used:
                 print(sanitize(f"printer-slicer: {path.name}: {text}"), file=sys.stderr)
-    profile = profile_with(profile, changes) if changes else profile
+    profile = applied.profile
     profile = _drop_foreign_overrides(profile, mesh, plate) if plate.count > 1 else profile
-    warnings += _list_volume_warnings(mesh, profile)
-    warnings += _list_spiral_warnings(profile)
+    warnings = [*applied.warnings, *list_unused_model_warnings(mesh, profile)]
     warn(arguments, warnings if plate.tells else [])
     return profile, replace(plate, warnings=(*plate.warnings, *warnings))
 
@@ -545,98 +551,3 @@ def _drop_foreign_overrides(profile: Profile, mesh: Mesh, plate: Plate) -> Profi
     own = settings_as_dict(profile)["quality"].get("overrides", [])
     kept = [one for one in own if one.get("object") not in foreign]
     return profile_with(profile, {"quality.overrides": kept}) if len(kept) < len(own) else profile
-
-
-def _read_projects(
-    arguments: argparse.Namespace, profile: Profile, mesh: Mesh, names: frozenset[str]
-) -> dict[Path, Project]:
-    """Return 3MF file -> project, for all 3MF files that contain settings of a slicer; `names` are of all plates."""
-    found: dict[Path, Project] = {}
-    for path in dict.fromkeys(arguments.models):
-        if not _is_3mf_file(path):
-            continue
-        from printer_slicer.importing.projects import read_project
-
-        volumes = mesh.all_volumes
-        modifiers = {one.name for one in volumes.modifiers} if volumes else set()
-        project = read_project(path, profile, modifiers | {item.name for item in mesh.objects} | names)
-        if project.overrides or project.layer_heights or project.unused or project.has_settings:
-            found[path] = project
-    return found
-
-
-def _is_3mf_file(path: Path) -> bool:
-    """Return whether a path is a regular file that starts like a 3MF file; pipes are not read."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(_ZIP_SIGNATURE)) == _ZIP_SIGNATURE
-
-
-def _collect_project_changes(
-    arguments: argparse.Namespace, profile: Profile, projects: Mapping[Path, Project]
-) -> tuple[dict[str, object], list[str]]:
-    """Return the settings that the projects change, and warnings about settings that are not used."""
-    typed = collect_changes(arguments)
-    changes: dict[str, object] = {}
-    unused: list[str] = []
-    tables: list[Mapping[str, Any]] = []
-    for path, project in projects.items():
-        tables += project.overrides
-        unused += [f"{path.name}: {text}" for text in project.unused]
-        if project.has_settings and arguments.quality is None:
-            unused.append(
-                f"{path.name}: the print, filament and printer settings in this file are not used; "
-                f"import them with `printer-slicer profiles import {path}`"
-            )
-        for name, height in project.layer_heights:
-            if len(arguments.models) > 1 or any(
-                key.endswith(("layer_height", "planner.kind")) for key in typed
-            ):
-                unused.append(f"{path.name}: {name}: layer_height = {height:g} is not used")
-            else:
-                changes |= {"quality.planner.kind": "uniform", "quality.layer_height": height}
-    if tables:
-        own = settings_as_dict(profile)["quality"].get("overrides", [])
-        changes["quality.overrides"] = [*tables, *own]
-    return changes, unused
-
-
-def _list_spiral_warnings(profile: Profile) -> list[str]:
-    """Return a warning if supports are asked for in spiral mode, which cannot print them."""
-    if not profile.quality.spiral or list_support_styles(profile) == {"off"}:
-        return []
-    return ["no supports are printed in spiral mode; to print them, set spiral = false"]
-
-
-def _list_volume_warnings(mesh: Mesh, profile: Profile) -> list[str]:
-    """Return warnings about volumes and painted facets that have no effect, or an unexpected one."""
-    volumes, quality = mesh.all_volumes, profile.quality
-    styles = list_support_styles(profile)
-    has_enforcers = volumes is not None and volumes.has_enforcers
-    found = []
-    if quality.support_places == "enforced" and styles != {"off"} and not has_enforcers:
-        found.append(
-            "supports are made only in enforced places, and the model has none; set support_places = all for others"
-        )
-    if volumes is None:
-        return found
-    if (
-        len(mesh.objects) > 1
-        and not all(item.count for item in mesh.objects)
-        and any(item.volumes for item in mesh.objects)
-    ):
-        found.append(
-            "the mesh needs repair; after that, volumes and painted facets apply to all objects, not only to their own"
-        )
-    if volumes.has_enforcers and styles == {"off"}:
-        what = "support enforcers" if volumes.enforce else "facets painted for supports"
-        found.append(f"the model has {what}, but supports are off; to use them, set support = auto")
-    for name in dict.fromkeys(one.name for one in volumes.modifiers):
-        if not any(one.object == name for one in quality.overrides):
-            found.append(f"the modifier {name!r} has no settings; use --set-for '{name}:KEY=VALUE'")
-        elif unfollowed := list_unfollowed_settings(profile, name):
-            found.append(f"the modifier {name!r} does not change {', '.join(unfollowed)}")
-    if volumes.negative:
-        found.append("layer heights and the surface deviation are computed without the negative volumes")
-    return found
