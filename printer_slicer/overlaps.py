@@ -1,4 +1,4 @@
-"""Find parts on one plate that overlap in the top view, which would be printed as one part."""
+"""Find parts on one plate that overlap in the top view, and split plates into the parts that do not."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connected_areas import split_connected
 from printer_slicer.geometry.layer_union import unite_layers
 from printer_slicer.geometry.plane_sections import section_contours
-from printer_slicer.model import Mesh
+from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.surface.top_view import project_in_tiles
+from printer_slicer.values import replace
 
-__all__ = ["Overlap", "find_collisions", "find_overlaps"]
+__all__ = ["Overlap", "find_collisions", "find_overlaps", "split_separate_objects"]
 
 _LEAST: Final = 0.01  # mm: smaller overlaps are rounding errors
 _SHARED: Final = 0.1  # mm: objects that are modelled to touch may overlap by this much
@@ -95,3 +96,31 @@ def _cut_object(part: Mesh, number: int, z: Float) -> Areas:
     """Return the solid sections of an object at heights (n,), mm."""
     item = part.objects[number]
     return normalize(section_contours(part.triangles[item.facets], z))
+
+
+def split_separate_objects(mesh: Mesh) -> list[Mesh]:
+    """Split a mesh into its objects; objects that overlap seen from above stay together.
+
+    A mesh that was not read as several objects stays whole.
+    """
+    if len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
+        return [mesh]
+    single = [_extract_objects(mesh, [item]) for item in mesh.objects]
+    group = list(range(len(single)))
+    for overlap in find_overlaps(single):
+        old, new = group[overlap.second], group[overlap.first]
+        group = [new if one == old else one for one in group]
+    members = [
+        [item for item, own in zip(mesh.objects, group, strict=True) if own == one]
+        for one in dict.fromkeys(group)
+    ]
+    return [_extract_objects(mesh, items) for items in members] if len(members) > 1 else [mesh]
+
+
+def _extract_objects(mesh: Mesh, items: Sequence[PlateObject]) -> Mesh:
+    """Return some objects of a mesh as a mesh with the same objects."""
+    counts = [item.count for item in items]
+    firsts = np.cumsum([0, *counts[:-1]]).tolist()
+    kept = tuple(replace(item, first=first) for item, first in zip(items, firsts, strict=True))
+    triangles = np.concatenate([mesh.triangles[item.facets] for item in items])
+    return replace(mesh, triangles=triangles, name=items[0].name, objects=kept)

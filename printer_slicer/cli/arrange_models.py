@@ -11,11 +11,10 @@ import numpy as np
 
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.placing import Placement
-from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.arranging import Arrangement
-    from printer_slicer.model import Mesh, PlateObject
+    from printer_slicer.model import Mesh
     from printer_slicer.profile import Printer, Profile
 
 __all__ = [
@@ -27,7 +26,6 @@ __all__ = [
     "explain_arranging",
     "is_arranging_requested",
     "reject_positions_with_copies",
-    "split_separate_objects",
 ]
 
 _MOST_NAMED = 6  # parts of a plate
@@ -122,36 +120,6 @@ def explain_arranging(
     if len(meshes) > 1 and not is_placed and (extent > most).any():
         return "together, the parts at the positions in their files do not fit the bed"
     return ""
-
-
-def split_separate_objects(mesh: Mesh) -> list[Mesh]:
-    """Split a mesh into its objects; objects that overlap seen from above stay together.
-
-    A mesh that was not read as several objects stays whole.
-    """
-    from printer_slicer.overlaps import find_overlaps
-
-    if len(mesh.objects) < 2 or not all(item.count for item in mesh.objects):
-        return [mesh]
-    single = [_extract_objects(mesh, [item]) for item in mesh.objects]
-    group = list(range(len(single)))
-    for overlap in find_overlaps(single):
-        old, new = group[overlap.second], group[overlap.first]
-        group = [new if one == old else one for one in group]
-    members = [
-        [item for item, own in zip(mesh.objects, group, strict=True) if own == one]
-        for one in dict.fromkeys(group)
-    ]
-    return [_extract_objects(mesh, items) for items in members] if len(members) > 1 else [mesh]
-
-
-def _extract_objects(mesh: Mesh, items: Sequence[PlateObject]) -> Mesh:
-    """Return some objects of a mesh as a mesh with the same objects."""
-    counts = [item.count for item in items]
-    firsts = np.cumsum([0, *counts[:-1]]).tolist()
-    kept = tuple(replace(item, first=first) for item, first in zip(items, firsts, strict=True))
-    triangles = np.concatenate([mesh.triangles[item.facets] for item in items])
-    return replace(mesh, triangles=triangles, name=items[0].name, objects=kept)
 
 
 def arrange_models(arguments: argparse.Namespace, meshes: Sequence[Mesh], profile: Profile) -> ArrangedPlates:

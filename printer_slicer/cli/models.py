@@ -22,7 +22,6 @@ from printer_slicer.cli.arrange_models import (
     explain_arranging,
     is_arranging_requested,
     reject_positions_with_copies,
-    split_separate_objects,
 )
 from printer_slicer.cli.output import sanitize, warn
 from printer_slicer.cli.settings import collect_changes
@@ -223,6 +222,8 @@ def _split_files(
     is_turned = getattr(arguments, "orient", "off") != "off"
     if arguments.fuse or not (is_turned or arguments.arrange):
         return {path: [one.mesh] for path, one in files.items()}
+    from printer_slicer.overlaps import split_separate_objects
+
     parts: dict[Path, Sequence[Mesh]] = {
         path: split_separate_objects(one.mesh) for path, one in files.items()
     }

@@ -15,7 +15,6 @@ from printer_slicer.cli.arguments import (
     add_transform_options,
     add_units_option,
 )
-from printer_slicer.cli.arrange_models import split_separate_objects
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.orient_models import collect_row_facts, format_rotation
 from printer_slicer.cli.output import print_text, show_stages, warn
@@ -92,6 +91,7 @@ def _compare_orientations(
     """Yield the orientations of each part of a file."""
     from printer_slicer.mesh_io import load_model
     from printer_slicer.orientation import KEEP_ANY, find_orientations
+    from printer_slicer.overlaps import split_separate_objects
     from printer_slicer.placing import transform
 
     report(f"loading {path.name}")
