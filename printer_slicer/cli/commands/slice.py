@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -37,7 +37,7 @@ from printer_slicer.errors import PartError, UsageError
 if TYPE_CHECKING:
     from printer_slicer.cli.models import Plate
     from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion
-    from printer_slicer.model import LayerPlan, Mesh, Program
+    from printer_slicer.model import Mesh, Program
     from printer_slicer.profile import Profile
     from printer_slicer.stages import Stages
 
@@ -52,8 +52,8 @@ EXAMPLES: Final = """\
   printer-slicer slice box.3mf 'lid.stl*12' -o plate.gcode   arranged, on as many plates as needed
   printer-slicer slice *.stl -o gcode/                    one G-code file per model"""
 _LARGEST_KEPT: Final = 2 << 20  # bytes
-_ROTATE: Final = "rotate the part"
-_ROTATE_OR_SUPPORT: Final = "rotate the part, print supports with --supports"
+_SUPPORTING: Final = "print supports with --supports"
+_ACCEPTANCE: Final = "accept it with --allow unsupported"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -190,6 +190,7 @@ def _slice_plate(
 ) -> None:
     """Slice the only mesh of a list, which is removed from it; write the G-code to a file and print a summary."""
     from printer_slicer.cli.models import apply_projects, release_memory_between_stages
+    from printer_slicer.facts.findings import list_slicing_warnings, list_unsupported_facts
     from printer_slicer.facts.slicing import collect_slicing_facts
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
@@ -222,10 +223,10 @@ def _slice_plate(
                 comments=plate.comments,
             ),
         )
-    late = _list_late_warnings(stage, profile, unsupported)
+    late = list_slicing_warnings(stage, profile, unsupported, supporting=_SUPPORTING, acceptance=_ACCEPTANCE)
     warn(arguments, late)
     more: dict[str, Any] = {"objects": objects}
-    more |= {"unsupported": _list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
+    more |= {"unsupported": list_unsupported_facts(unsupported), "warnings": [*plate.warnings, *late]}
     facts = collect_slicing_facts(stage, profile, seconds, certificate) | plate.collect_facts() | more
     _print_result(arguments, output, facts)
     open_files(arguments, [output, arguments.picture])
@@ -322,57 +323,6 @@ def _reject_model_suffix(output: Path) -> None:
         )
 
 
-def _list_late_warnings(
-    stage: Stages, profile: Profile, unsupported: Sequence[UnsupportedExtrusion]
-) -> list[str]:
-    """Return the warnings that only slicing shows."""
-    from printer_slicer.facts.overhangs import (
-        list_blocked_island_warnings,
-        list_unused_volume_warnings,
-    )
-
-    return [
-        *_list_unsupported_warnings(unsupported, profile),
-        *list_blocked_island_warnings(stage),
-        *list_unused_volume_warnings(stage, profile),
-        *_list_unused_range_warnings(profile, stage.sections.plan),
-    ]
-
-
-def _list_unsupported_warnings(found: Sequence[UnsupportedExtrusion], profile: Profile) -> list[str]:
-    """Return a warning if unsupported extrusion was found; otherwise an empty list."""
-    from printer_slicer.inspection.deposition.unsupported import describe_unsupported
-
-    if not found:
-        return []
-    return [
-        f"{describe_unsupported(found)}; {_choose_remedy(profile)}, or accept it with --allow unsupported"
-    ]
-
-
-def _choose_remedy(profile: Profile) -> str:
-    """Return what helps against unsupported extrusion; supports are named only if there are none."""
-    from printer_slicer.profile.object_profiles import list_support_styles
-
-    return _ROTATE_OR_SUPPORT if list_support_styles(profile) == {"off"} else _ROTATE
-
-
-def _list_unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
-    """Return the facts about unsupported extrusion for JSON: one entry per height, lengths in mm."""
-    return [
-        {
-            "code": "unsupported",
-            "severity": "warning",
-            "layer": one.layer,
-            "z": round(one.z, 4),
-            "x": round(one.x, 3),
-            "y": round(one.y, 3),
-            "length_mm": round(one.length, 3),
-        }
-        for one in found
-    ]
-
-
 def _find_unsupported(
     arguments: Namespace, name: str, program: Program, profile: Profile
 ) -> tuple[UnsupportedExtrusion, ...]:
@@ -395,26 +345,16 @@ def _reject_unsupported(name: str, found: Sequence[UnsupportedExtrusion], profil
     Raises:
         PartError: there is unsupported extrusion.
     """
+    from printer_slicer.facts.findings import choose_unsupported_remedy
     from printer_slicer.inspection.deposition.unsupported import describe_unsupported
 
     if found:
-        remedy = _choose_remedy(profile)
+        remedy = choose_unsupported_remedy(profile, _SUPPORTING)
         raise PartError(
             f"{name}: {describe_unsupported(found)}",
             remedy=f"{remedy[0].upper()}{remedy[1:]}, or use --allow unsupported; without --strict, "
             "unsupported extrusion causes only a warning",
         )
-
-
-def _list_unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
-    """Yield a warning for each height range that lies above the part, because its settings have no effect."""
-    from printer_slicer.profile.object_profiles import list_height_overrides
-
-    top = float(plan.top[-1])
-    for low, high, own in list_height_overrides(profile):
-        if low >= top:
-            names = ", ".join(own)
-            yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
 
 
 def _choose_default_output(model: Path) -> Path:

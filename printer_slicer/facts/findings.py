@@ -1,0 +1,82 @@
+"""What only slicing shows: unsupported extrusion, and settings without effect, as facts and as warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+from printer_slicer.facts.overhangs import list_blocked_island_warnings, list_unused_volume_warnings
+from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, describe_unsupported
+from printer_slicer.model import LayerPlan
+from printer_slicer.profile import Profile
+from printer_slicer.profile.object_profiles import list_height_overrides, list_support_styles
+from printer_slicer.stages import Stages
+
+__all__ = ["choose_unsupported_remedy", "list_slicing_warnings", "list_unsupported_facts"]
+
+_SUPPORTING: Final = "print supports (support = auto)"
+
+
+def list_slicing_warnings(
+    stages: Stages,
+    profile: Profile,
+    unsupported: Sequence[UnsupportedExtrusion],
+    *,
+    supporting: str = _SUPPORTING,
+    acceptance: str = "",
+) -> list[str]:
+    """Return the warnings that only slicing shows.
+
+    Args:
+        stages: the sliced part.
+        profile: the profile used for slicing.
+        unsupported: unsupported extrusion of the program.
+        supporting: how the user can print supports.
+        acceptance: how the user can accept unsupported extrusion, if at all.
+    """
+    return [
+        *_list_unsupported_warnings(unsupported, profile, supporting, acceptance),
+        *list_blocked_island_warnings(stages),
+        *list_unused_volume_warnings(stages, profile),
+        *_list_unused_range_warnings(profile, stages.sections.plan),
+    ]
+
+
+def _list_unsupported_warnings(
+    found: Sequence[UnsupportedExtrusion], profile: Profile, supporting: str, acceptance: str
+) -> list[str]:
+    """Return a warning if unsupported extrusion was found; otherwise an empty list."""
+    if not found:
+        return []
+    accepted = f", or {acceptance}" if acceptance else ""
+    return [f"{describe_unsupported(found)}; {choose_unsupported_remedy(profile, supporting)}{accepted}"]
+
+
+def choose_unsupported_remedy(profile: Profile, supporting: str = _SUPPORTING) -> str:
+    """Return what helps against unsupported extrusion; supports are named only if there are none."""
+    return f"rotate the part, {supporting}" if list_support_styles(profile) == {"off"} else "rotate the part"
+
+
+def list_unsupported_facts(found: Sequence[UnsupportedExtrusion]) -> list[dict[str, Any]]:
+    """Return the facts about unsupported extrusion for JSON: one entry per height, lengths in mm."""
+    return [
+        {
+            "code": "unsupported",
+            "severity": "warning",
+            "layer": one.layer,
+            "z": round(one.z, 4),
+            "x": round(one.x, 3),
+            "y": round(one.y, 3),
+            "length_mm": round(one.length, 3),
+        }
+        for one in found
+    ]
+
+
+def _list_unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+    """Yield a warning for each height range that lies above the part, because its settings have no effect."""
+    top = float(plan.top[-1])
+    for low, high, own in list_height_overrides(profile):
+        if low >= top:
+            names = ", ".join(own)
+            yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
