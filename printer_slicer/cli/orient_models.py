@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from printer_slicer.orienting import Orientation, Orientations
     from printer_slicer.profile import Profile
 
-__all__ = ["TurnedModels", "choose_row", "collect_row_facts", "format_rotation", "turn_models"]
+__all__ = ["TurnedModels", "choose_row", "collect_row_facts", "turn_models"]
 
 
 class TurnedModels(NamedTuple):
@@ -60,16 +60,11 @@ def turn_models(
             row = choose_row(found, arguments.orient_row)
             turned[path].append(turn_mesh(mesh, row.rotate))
             facts.append({"file": str(path), "part": mesh.name, **collect_row_facts(row)})
-            comments.append(f"{name}: {_describe_rotation(row)} (--orient {how})")
+            comments.append(f"{name}: {row.describe_rotation()} (orient: {how})")
             if not arguments.quiet:
                 text = f"printer-slicer: {name}: {_describe(row, found, is_chosen=row is found.chosen)}"
                 print(sanitize(text), file=sys.stderr)
     return TurnedModels(turned, tuple(facts), tuple(comments))
-
-
-def _describe_rotation(row: Orientation) -> str:
-    """Return by which angles a part was rotated."""
-    return "not rotated" if row.is_original else f"rotated by {format_rotation(row)} degrees about x, y, z"
 
 
 def _check_options(arguments: argparse.Namespace, how: str, n_parts: int) -> None:
@@ -116,11 +111,6 @@ def choose_row(found: Orientations, number: int | None) -> Orientation:
     return found.rows[number - 1]
 
 
-def format_rotation(row: Orientation) -> str:
-    """Format the angles of a row as --rotate takes them."""
-    return ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in row.rotate)
-
-
 def _describe(row: Orientation, found: Orientations, *, is_chosen: bool) -> str:
     """Describe how a part is turned, and what this saves; `is_chosen` if the search chose this row."""
     given = found.original
@@ -132,7 +122,7 @@ def _describe(row: Orientation, found: Orientations, *, is_chosen: bool) -> str:
         )
     known = "" if row.is_sliced and given.is_sliced else "about "
     text = (
-        f"{_describe_rotation(row)}; {known}{format_duration(60 * row.minutes)} and "
+        f"{row.describe_rotation()}; {known}{format_duration(60 * row.minutes)} and "
         f"{format_significant(row.support_g)} g of support instead of {format_duration(60 * given.minutes)} and "
         f"{format_significant(given.support_g)} g"
     )

@@ -27,6 +27,7 @@ __all__ = ["COMMANDS", "CommandParser", "add_command", "build_parser"]
 
 COMMANDS: Final[Mapping[str, str]] = {
     "slice": "make G-code from models",
+    "batch": "slice many models with many settings, in several processes",
     "arrange": "arrange models on plates, as 3MF files",
     "print": "print over a serial port",
     "dry-run": "print on the simulated printer and report errors",

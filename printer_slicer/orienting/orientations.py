@@ -56,6 +56,16 @@ class Orientation(Struct, frozen=True):
         """Whether the part can be printed like this: it stands safely and fits the printer."""
         return self.is_stable and self.fits
 
+    def format_rotate(self) -> str:
+        """Return the angles as the command line takes them, such as `90,0,-12.5`."""
+        return ",".join(f"{angle:.6f}".rstrip("0").rstrip(".") for angle in self.rotate)
+
+    def describe_rotation(self) -> str:
+        """Return by which angles the part was rotated."""
+        return (
+            "not rotated" if self.is_original else f"rotated by {self.format_rotate()} degrees about x, y, z"
+        )
+
 
 class Orientations(Struct, frozen=True):
     """Orientations of a part, best first; those that are not usable come last.

@@ -31,7 +31,7 @@ def test_slice_turns_the_part_and_says_so_in_a_line_and_in_the_gcode(tee_file: P
     line = next(line for line in outcome.err.splitlines() if "tee.stl: rotated by" in line)
     angles = line.partition("rotated by ")[2].partition(" ")[0]
     assert "g of support instead of" in line
-    assert f"; tee.stl: rotated by {angles} degrees about x, y, z (--orient fast)" in output.read_text()
+    assert f"; tee.stl: rotated by {angles} degrees about x, y, z (orient: fast)" in output.read_text()
 
     again = tmp_path / "again.gcode"
     assert typed("slice", str(tee_file), "-o", str(again), f"--rotate={angles}", *QUICK).code == 0
@@ -59,7 +59,7 @@ def test_a_part_that_lies_well_is_not_turned(tmp_path: Path) -> None:
     outcome = typed("slice", str(path), "-o", str(output), "--orient", "fast", *QUICK)
 
     assert "tile.stl: not rotated" in outcome.err
-    assert "; tile.stl: not rotated (--orient fast)" in output.read_text()
+    assert "; tile.stl: not rotated (orient: fast)" in output.read_text()
 
 
 def test_several_parts_are_turned_one_by_one_and_then_arranged(tee_file: Path, tmp_path: Path) -> None:
@@ -186,7 +186,7 @@ def test_the_parts_of_a_plate_are_turned_one_by_one(plate_file: Path, tmp_path: 
         {"tee": 6, "tile": 2}
     )
     assert "the parts of plate.3mf are oriented one by one: arranged 2 parts" in outcome.err
-    assert "; plate.3mf, tile: not rotated (--orient fast)" in output.read_text()
+    assert "; plate.3mf, tile: not rotated (orient: fast)" in output.read_text()
 
 
 @pytest.mark.parametrize("position", [["--as-placed"], ["--center", "100,100"]])

@@ -36,6 +36,7 @@ COMMANDS: Final[dict[str, tuple[object, ...]]] = {
     "plan": ("plan", PARTS / "box.stl", *QUICK),
     "arrange": ("arrange", "missing.stl", "-o", "plate.3mf"),
     "orient": ("orient", "missing.stl"),
+    "batch": ("batch", "missing.stl", "--output-dir", "sliced"),
     "contours": ("contours", "missing.stl", "-o", "-"),
     "draw": ("draw", BOX, "-o", "-", *QUICK),
     "check": ("check", "bad.gcode", "--strict", "--printer", "marlin_220"),

@@ -16,7 +16,7 @@ from printer_slicer.cli.arguments import (
     add_units_option,
 )
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.orient_models import collect_row_facts, format_rotation
+from printer_slicer.cli.orient_models import collect_row_facts
 from printer_slicer.cli.output import print_text, show_stages, warn
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.texts import format_duration, format_significant
@@ -148,4 +148,4 @@ def _format_row(number: int, row: Orientation, *, is_chosen: bool) -> str:
         f"{row.contact_area:>6.0f} mm²{row.tilt_deg:>5.0f}°"
     )
     note = f"   ({', '.join(notes)})" if notes else ""
-    return f"{'*' if is_chosen else ' ':>2}{number:>3} {values}   {format_rotation(row)}{note}"
+    return f"{'*' if is_chosen else ' ':>2}{number:>3} {values}   {row.format_rotate()}{note}"

@@ -1,0 +1,148 @@
+"""Slice on several machines with Dask: models travel as bytes, files of G-code come back.
+
+Each worker of Dask slices in processes of its own, so that limits hold and a task that fails costs only itself.
+"""
+
+from __future__ import annotations
+
+import platform
+from concurrent.futures import Executor, Future
+from importlib.util import find_spec
+from multiprocessing import current_process
+from threading import Event
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from printer_slicer.batch.pool import ProcessExecutor, ProcessLimits, slice_and_report
+from printer_slicer.batch.tasks import BatchResult, BatchTask
+from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.values import replace
+from printer_slicer.version import VERSION
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+__all__ = ["ClusterExecutor"]
+
+_CONNECT_SECONDS: Final = 15.0
+_RECONNECT_SECONDS: Final = 600.0
+_POLL_SECONDS: Final = 0.2
+_processes: ProcessExecutor | None = None
+"""In a worker of Dask: the processes that slice."""
+
+
+class ClusterExecutor(Executor):
+    """Runs tasks on the workers of a Dask scheduler.
+
+    Args:
+        address: of the scheduler, such as `tcp://10.0.0.5:8786`.
+        limits: of each process that slices.
+
+    Raises:
+        UsageError: Dask is not installed, the scheduler does not answer, or a worker does not fit.
+    """
+
+    def __init__(self, address: str, limits: ProcessLimits) -> None:
+        if find_spec("distributed") is None:
+            raise UsageError(
+                "slicing on a cluster needs Dask", remedy="Install it: pip install 'printer-slicer[cluster]'"
+            )
+        from distributed import Client  # noqa: PLC0415 - slow
+
+        self._address, self._limits = address, limits
+        try:
+            self._client: Client = Client(address, timeout=_CONNECT_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            raise UsageError(
+                f"{address}: no scheduler answers ({error})",
+                remedy="Start one with `dask scheduler`, or check the address",
+            ) from None
+        _check_workers(self._client.run(_describe_worker), address)
+        self._executor: Executor = self._client.get_executor(pure=False)  # type: ignore[no-untyped-call]
+
+    @property
+    def n_threads(self) -> int:
+        """How many tasks the workers run at the same time."""
+        return sum(self._client.nthreads().values())  # type: ignore[no-untyped-call]
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run a function on a worker.
+
+        Raises:
+            OutputError: the scheduler has been away for too long.
+        """
+        self._wait_for_scheduler()
+        return self._executor.submit(fn, *args, **kwargs)
+
+    def submit_task(self, task: BatchTask) -> Future[BatchResult]:
+        """Slice on a worker.
+
+        Raises:
+            UsageError: the model can no longer be read.
+            OutputError: the scheduler has been away for too long.
+        """
+        task = replace(task, model=task.model.with_content(), folder="")
+        return self.submit(_slice_on_worker, task, self._limits)
+
+    def _wait_for_scheduler(self) -> None:
+        """Wait until the client is connected, as after a restart of the scheduler."""
+        end = monotonic() + _RECONNECT_SECONDS
+        while self._client.status != "running":
+            if monotonic() > end or self._client.status == "closed":
+                raise OutputError(
+                    f"{self._address}: the connection to the scheduler is lost",
+                    remedy="Start it again, then continue the batch",
+                )
+            Event().wait(_POLL_SECONDS)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Disconnect from the scheduler; its workers go on."""
+        self._executor.shutdown(wait=wait and not cancel_futures)
+        self._client.close()  # type: ignore[no-untyped-call]
+
+
+def _describe_worker() -> dict[str, Any]:
+    """Return the versions on a worker, and whether it may start processes."""
+    return {
+        "python": platform.python_version(),
+        "printer_slicer": VERSION,
+        "can_start": not current_process().daemon,
+    }
+
+
+def _check_workers(workers: dict[str, dict[str, Any]], address: str) -> None:
+    """Check that there are workers, and that they have the versions of this machine.
+
+    Raises:
+        UsageError: there is none, or one does not fit.
+    """
+    if not workers:
+        raise UsageError(f"{address}: the scheduler has no workers", remedy="Start some with `dask worker`")
+    own = _describe_worker()
+    for name, found in sorted(workers.items()):
+        for what in ("python", "printer_slicer"):
+            # G-code does not depend on the last number of Python's version.
+            theirs, ours = (
+                text[what].rpartition(".")[0] if what == "python" else text[what] for text in (found, own)
+            )
+            if theirs != ours:
+                raise UsageError(
+                    f"worker {name} has {what} {found[what]}, this machine has {own[what]}",
+                    remedy="Install the same version on all machines",
+                )
+        if not found["can_start"]:
+            raise UsageError(
+                f"worker {name} may not start processes",
+                remedy="Start `dask worker` with its option no-nanny",
+            )
+
+
+def _slice_on_worker(task: BatchTask, limits: ProcessLimits) -> BatchResult:
+    """Slice in a process of this worker."""
+    from distributed import get_worker  # noqa: PLC0415 - slow
+
+    global _processes  # noqa: PLW0603 - they last as long as the worker
+    if _processes is None:
+        _processes = ProcessExecutor(get_worker().state.nthreads, limits)
+    result: BatchResult = _processes.submit(slice_and_report, task).result()
+    return result

@@ -1,0 +1,131 @@
+"""Run tasks with any executor: the largest models first, few at a time, and once more if a worker was lost."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+from zlib import decompress
+
+from printer_slicer.batch.manifest import Manifest, read_manifest
+from printer_slicer.batch.pool import describe_lost_process
+from printer_slicer.batch.tasks import BatchResult, BatchTask, fail_task
+from printer_slicer.saving import save
+from printer_slicer.values import replace
+
+if TYPE_CHECKING:
+    from printer_slicer.batch.executors import Workers
+
+__all__ = ["Submit", "run_batch", "run_tasks"]
+
+Submit = Callable[[BatchTask], "Future[BatchResult]"]
+"""Starts a task."""
+
+_MAX_ATTEMPTS: Final = 2
+
+
+def run_tasks(tasks: Iterable[BatchTask], submit: Submit, n_pending: int) -> Iterator[BatchResult]:
+    """Yield the result of each task when it is there; every task has exactly one.
+
+    A task whose worker was lost is started once more. If the iteration ends early, tasks that have not ended are
+    cancelled.
+
+    Args:
+        tasks: any number.
+        submit: starts a task; its future fails with `TimeoutError` if the task took too long, and with any other error
+            if its worker was lost.
+        n_pending: how many tasks are submitted at the same time.
+    """
+    waiting = deque(sorted(tasks, key=lambda task: -task.model.size))
+    attempts = Counter[str]()
+    pending: dict[Future[BatchResult], BatchTask] = {}
+    try:
+        while waiting or pending:
+            while waiting and len(pending) < n_pending:
+                task = waiting.popleft()
+                attempts[task.name] += 1
+                pending[submit(task)] = task
+            done, _ = wait(pending, return_when=FIRST_COMPLETED)
+            for future in done:
+                task = pending.pop(future)
+                result = _read_result(future, task, is_last=attempts[task.name] >= _MAX_ATTEMPTS)
+                if result is None:
+                    attempts[task.name] -= future.cancelled()  # such as by a scheduler that starts again
+                    waiting.append(task)
+                else:
+                    yield result
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool) -> BatchResult | None:
+    """Return the result of a task that ended; None if its worker was lost and it can be started again."""
+    error = CancelledError() if future.cancelled() else future.exception()
+    if error is None:
+        return future.result()
+    if isinstance(error, CancelledError):
+        return None
+    if isinstance(error, TimeoutError):
+        problem = f"slicing took longer than {task.max_seconds:g} s"
+    elif is_last:
+        problem = f"{describe_lost_process(error)}, in {_MAX_ATTEMPTS} attempts; it may need more memory"
+    else:
+        return None
+    return fail_task(task, problem)
+
+
+def run_batch(
+    tasks: Sequence[BatchTask],
+    workers: Workers,
+    folder: Path | None,
+    *,
+    resumes: bool = False,
+    tell: Callable[[BatchResult], None] = lambda _: None,
+) -> tuple[BatchResult, ...]:
+    """Run tasks, and note each result in the manifest of a folder.
+
+    Args:
+        tasks: with unique names.
+        workers: where they run.
+        folder: for the files of G-code, and the manifest; None: the results contain the files.
+        resumes: whether tasks that the manifest has, with unchanged files, are not run again.
+        tell: called with each result when it is there, also with those of an earlier run.
+
+    Returns:
+        The result of each task, in the order of the tasks.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    kept = read_manifest(folder) if folder is not None and resumes else {}
+    found = {
+        task.name: kept[task.key] for task in tasks if task.key in kept and kept[task.key].task == task.name
+    }
+    manifest = Manifest(folder, found.values()) if folder is not None else None
+    for result in found.values():
+        tell(result)
+    where = str(folder) if folder is not None and workers.share_disk else ""
+    rest = [replace(task, folder=where) for task in tasks if task.name not in found]
+    try:
+        for result in run_tasks(rest, workers.submit, workers.n_pending):
+            stored = _store_files(result, folder)
+            if manifest is not None:
+                manifest.add(stored)
+            found[result.task] = stored
+            tell(stored)
+    finally:
+        if manifest is not None:
+            manifest.close()
+    return tuple(found[task.name] for task in tasks)
+
+
+def _store_files(result: BatchResult, folder: Path | None) -> BatchResult:
+    """Write the files that a worker returned, unless the result keeps them."""
+    if folder is None or not any(one.content for one in result.files):
+        return result
+    for one in result.files:
+        save(folder / one.name, decompress(one.content))
+    return replace(result, files=tuple(replace(one, content=b"") for one in result.files))

@@ -1,0 +1,204 @@
+"""What a worker does: one model with one set of settings. What it returns: files of G-code and facts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from printer_slicer.errors import UsageError
+from printer_slicer.profile import Profile, settings_as_dict
+from printer_slicer.values import Struct, as_dict
+from printer_slicer.version import VERSION
+
+__all__ = [
+    "BatchResult",
+    "BatchTask",
+    "ModelOptions",
+    "SlicedFile",
+    "TaskModel",
+    "describe_choices",
+    "fail_task",
+    "read_task_model",
+]
+
+_BLOCK: Final = 1 << 20  # bytes that are read at a time
+
+
+class TaskModel(Struct, frozen=True):
+    """A file with a model.
+
+    Attributes:
+        name: name of the file, without folder.
+        sha256: hash of the content.
+        size: bytes.
+        path: where workers on this machine read it; empty: they take `content`.
+        content: the content, for workers on other machines.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    path: str = ""
+    content: bytes = b""
+
+    def with_content(self) -> TaskModel:
+        """Return the file with its content instead of its path.
+
+        Raises:
+            UsageError: the file cannot be read, or has changed.
+        """
+        found = read_task_model(Path(self.path), keeps_content=True)
+        if found.sha256 != self.sha256:
+            raise UsageError(f"{self.path}: the file has changed", remedy="Start the batch again")
+        return found
+
+
+def read_task_model(path: Path, *, keeps_content: bool = False) -> TaskModel:
+    """Return a file with its hash, and with its content or its path.
+
+    Raises:
+        UsageError: the file cannot be read.
+    """
+    digest, pieces, size = sha256(), list[bytes](), 0
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(_BLOCK):
+                digest.update(piece)
+                size += len(piece)
+                if keeps_content:
+                    pieces.append(piece)
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror or error}", remedy="Check the path") from None
+    where = "" if keeps_content else str(path.absolute())
+    return TaskModel(path.name, digest.hexdigest(), size, where, b"".join(pieces))
+
+
+class ModelOptions(Struct, frozen=True):
+    """What happens to a model before it is sliced.
+
+    Attributes:
+        units: unit of its coordinates; None: that of the file.
+        scale: factors for x, y and z.
+        rotate: degrees about x, y and z.
+        orient: search for an orientation.
+        keep_up: largest tilt of the z axis in this search, degrees.
+        copies: number of copies, which are arranged.
+    """
+
+    units: str | None = None
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    rotate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orient: Literal["off", "fast", "careful"] = "off"
+    keep_up: float = 180.0
+    copies: int = 1
+
+
+class BatchTask(Struct, frozen=True):
+    """One model with one set of settings.
+
+    Attributes:
+        name: name of the G-code file without suffix, unique in a batch.
+        model: the file.
+        profile: printer, material and quality.
+        options: what happens to the model before it is sliced.
+        choices: the settings in which the tasks of a batch differ, as text.
+        strict: a mesh that needs repair, or unsupported extrusion, is an error.
+        keeps_layer_height: whether the user chose a layer height, see `apply_project_settings`.
+        has_quality: whether the user chose a quality, see `apply_project_settings`.
+        has_picture: whether a picture of the part is made.
+        folder: where the worker writes the files; empty: the result contains them.
+        max_seconds: time after which the task is stopped.
+    """
+
+    name: str
+    model: TaskModel
+    profile: Profile
+    options: ModelOptions = ModelOptions()
+    choices: Mapping[str, str] = {}
+    strict: bool = False
+    keeps_layer_height: bool = False
+    has_quality: bool = True
+    has_picture: bool = False
+    folder: str = ""
+    max_seconds: float = 3600.0
+
+    @property
+    def key(self) -> str:
+        """Hash of all that the G-code depends on: content of the model, settings, and version of this package."""
+        facts = [
+            VERSION,
+            self.model.name,
+            self.model.sha256,
+            as_dict(self.options),
+            self.strict,
+            self.keeps_layer_height,
+        ]
+        text = json.dumps([*facts, settings_as_dict(self.profile)], sort_keys=True)
+        return sha256(text.encode()).hexdigest()
+
+
+class SlicedFile(Struct, frozen=True):
+    """A file of G-code: one plate.
+
+    Attributes:
+        name: name of the file.
+        sha256: hash of its content.
+        size: bytes.
+        facts: what `slice --json` tells about it.
+        content: the content compressed with zlib, if the worker did not write it.
+    """
+
+    name: str
+    sha256: str
+    size: int
+    facts: Mapping[str, Any]
+    content: bytes = b""
+
+
+class BatchResult(Struct, frozen=True):
+    """What became of a task.
+
+    Attributes:
+        task: name of the task.
+        key: key of the task.
+        model: name of the model file.
+        model_sha256: hash of its content.
+        choices: the settings in which the tasks of the batch differ.
+        problem: why it failed; empty if it is done.
+        warnings: sentences.
+        files: files of G-code, one per plate.
+        seconds: time that the worker needed.
+        picture: the part as PNG; empty without one.
+    """
+
+    task: str
+    key: str
+    model: str
+    model_sha256: str
+    choices: Mapping[str, str] = {}
+    problem: str = ""
+    warnings: tuple[str, ...] = ()
+    files: tuple[SlicedFile, ...] = ()
+    seconds: float = 0.0
+    picture: bytes = b""
+
+    def add(self, fact: str) -> float:
+        """Return the sum of a fact over all plates, such as `seconds`."""
+        return float(sum(one.facts[fact] for one in self.files))
+
+    def find_largest(self, fact: str) -> float:
+        """Return the largest value of a fact of the certificate over all plates, such as `max_error_mm`."""
+        return float(max((one.facts["certificate"][fact] for one in self.files), default=0.0))
+
+
+def fail_task(task: BatchTask, problem: str) -> BatchResult:
+    """Return the result of a task that failed."""
+    return BatchResult(task.name, task.key, task.model.name, task.model.sha256, task.choices, problem)
+
+
+def describe_choices(choices: Mapping[str, str]) -> str:
+    """Return settings as text, such as `quality=draft tolerance=0.02`."""
+    return " ".join(f"{key}={value}" for key, value in choices.items())

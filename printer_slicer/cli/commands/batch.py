@@ -1,0 +1,301 @@
+"""`batch`: slice many models with many settings, in several processes or on a cluster."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from printer_slicer.cli.arguments import (
+    STRICT_HELP,
+    add_keep_up_option,
+    add_output_options,
+    add_setting_options,
+    add_transform_options,
+    add_units_option,
+    parse_copies,
+    parse_positive_integer,
+)
+from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.matrix import Combination, add_matrix_option, load_combinations
+from printer_slicer.cli.opening import add_open_option, open_files
+from printer_slicer.cli.output import Milestones, print_text, sanitize, show_stages, write_file
+from printer_slicer.cli.settings import collect_profile_facts
+from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.texts import format_duration, format_significant
+
+if TYPE_CHECKING:
+    from printer_slicer.batch.tasks import BatchResult, BatchTask
+
+__all__ = ["EXAMPLES", "add_arguments", "run"]
+
+EXAMPLES: Final = """\
+  printer-slicer batch *.stl --output-dir gcode
+  printer-slicer batch *.stl --output-dir gcode --report report.html --open
+  printer-slicer batch part.stl --output-dir sweep --matrix quality=draft,fine --matrix tolerance=0.02,0.05
+  printer-slicer batch *.3mf --output-dir gcode --resume              slice what is missing
+  printer-slicer batch *.stl --output-dir gcode --cluster tcp://10.0.0.5:8786"""
+_FAILED: Final = 3
+_MOST_SHOWN: Final = 40  # rows
+_REPORTS: Final = (".csv", ".html")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `batch`."""
+    parser.add_argument("models", metavar="MODEL", type=Path, nargs="+", help="models (STL, 3MF, STEP, ...)")
+    parser.add_argument(
+        "--output-dir",
+        metavar="DIR",
+        type=Path,
+        required=True,
+        help="folder for the G-code and the manifest",
+    )
+    group = parser.add_argument_group("tasks")
+    add_matrix_option(group, "slice")
+    group.add_argument(
+        "--resume", action="store_true", help="keep what the manifest in DIR has, slice the rest"
+    )
+    where = group.add_mutually_exclusive_group()
+    where.add_argument(
+        "--jobs",
+        metavar="N",
+        type=parse_positive_integer,
+        help="slice in N processes; default: one per processor",
+    )
+    where.add_argument(
+        "--cluster", metavar="ADDRESS", help="slice on a Dask cluster, such as tcp://10.0.0.5:8786"
+    )
+    for flag, metavar, usual, text in (
+        ("--max-minutes", "N", 60, "stop a task after N minutes; default: 60"),
+        ("--max-memory", "GB", 8, "memory of each process; default: 8 GB"),
+    ):
+        mark_advanced(
+            group.add_argument(flag, metavar=metavar, type=parse_positive_integer, default=usual, help=text)
+        )
+    add_setting_options(parser, strict_help=STRICT_HELP)
+    _add_model_options(parser.add_argument_group("models"))
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--report",
+        metavar="FILE",
+        type=Path,
+        action="append",
+        default=[],
+        help="write a table as .csv, or a page with pictures as .html; may be repeated",
+    )
+    add_output_options(parser, group)
+    add_open_option(group)
+
+
+def _add_model_options(group: argparse._ArgumentGroup) -> None:
+    """Add the options for units, size and orientation of the models."""
+    add_transform_options(group)
+    group.add_argument(
+        "--orient",
+        choices=("off", "fast", "careful"),
+        default="off",
+        metavar="HOW",
+        help="turn each part to print well: off, fast or careful",
+    )
+    mark_advanced(add_keep_up_option(group, "--orient-keep-up"))
+    group.add_argument(
+        "--copies", metavar="N", type=parse_copies, default=1, help="print N copies of each model"
+    )
+    mark_advanced(add_units_option(group))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Slice all models with all combinations of settings."""
+    from printer_slicer.batch.executors import count_processors, open_workers
+    from printer_slicer.batch.pool import ProcessLimits
+    from printer_slicer.batch.running import run_batch
+    from printer_slicer.process_lock import ProcessLock
+    from printer_slicer.saving import make_folder
+
+    _check_options(arguments)
+    combinations = load_combinations(arguments)
+    tasks = _list_tasks(arguments, combinations)
+    folder: Path = arguments.output_dir
+    make_folder(folder)
+    lock = ProcessLock(folder / ".manifest.lock")
+    if not lock.acquire():
+        raise OutputError(
+            f"{folder}: another batch writes into this folder", remedy="Wait for it, or choose another"
+        )
+    limits = ProcessLimits(60.0 * arguments.max_minutes, arguments.max_memory << 30)
+    n_processes = min(arguments.jobs or count_processors(), len(tasks))
+    try:
+        with show_stages(arguments) as report:
+            progress = _Progress(arguments, tasks, report)
+            with open_workers(n_processes, arguments.cluster or "", limits) as workers:
+                results = run_batch(tasks, workers, folder, resumes=arguments.resume, tell=progress.add)
+    except KeyboardInterrupt:
+        done = f"{progress.n_done} of {len(tasks)} are in {folder}; continue with --resume"
+        print(sanitize(f"printer-slicer: {done}"), file=sys.stderr)
+        raise
+    finally:
+        lock.release()
+    _write_reports(arguments, results)
+    _print_results(arguments, results)
+    return _FAILED if any(one.problem for one in results) else 0
+
+
+def _check_options(arguments: argparse.Namespace) -> None:
+    """Check options before anything is read.
+
+    Raises:
+        UsageError: a report has another suffix, or an option has no effect.
+    """
+    for path in arguments.report:
+        if path.suffix.lower() not in _REPORTS:
+            raise UsageError(
+                f"--report {path}: the name must end in .csv or .html", remedy=f"Name it {path.stem}.html"
+            )
+    if arguments.orient_keep_up is not None and arguments.orient == "off":
+        raise UsageError("--orient-keep-up: has no effect without --orient", remedy="Add --orient fast")
+
+
+def _list_tasks(arguments: argparse.Namespace, combinations: Sequence[Combination]) -> list[BatchTask]:
+    """Return a task for each model and combination of settings.
+
+    Raises:
+        UsageError: a model cannot be read.
+    """
+    from printer_slicer.batch.matrix import name_choices
+    from printer_slicer.batch.tasks import BatchTask, ModelOptions, read_task_model
+
+    options = ModelOptions(
+        units=arguments.units,
+        scale=tuple(arguments.scale[:3]) if arguments.scale else (1.0, 1.0, 1.0),
+        rotate=tuple(arguments.rotate or (0.0, 0.0, 0.0)),
+        orient=arguments.orient,
+        keep_up=180.0 if arguments.orient_keep_up is None else arguments.orient_keep_up,
+        copies=arguments.copies,
+    )
+    has_picture = any(path.suffix.lower() == ".html" for path in arguments.report)
+    return [
+        BatchTask(
+            "-".join(filter(None, (name, name_choices(one.choices)))),
+            model,
+            one.profile,
+            options,
+            one.choices,
+            strict=arguments.strict,
+            keeps_layer_height=one.keeps_layer_height,
+            has_quality=one.has_quality,
+            has_picture=has_picture,
+            max_seconds=60.0 * arguments.max_minutes,
+        )
+        for path, name in _name_models(arguments.models).items()
+        for model in [read_task_model(path)]
+        for one in combinations
+    ]
+
+
+def _name_models(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return the name of the G-code of each model: that of the file, with its folder or a number if it occurs twice."""
+    paths = list(dict.fromkeys(paths))
+    counts = Counter(path.stem for path in paths)
+    names: dict[Path, str] = {}
+    for path in paths:
+        name = base = path.stem if counts[path.stem] == 1 else f"{path.absolute().parent.name}-{path.stem}"
+        number = 1
+        while name in names.values():
+            number += 1
+            name = f"{base}_{number}"
+        names[path] = name
+    return names
+
+
+class _Progress:
+    """Counts results, and tells how many are done and how long the rest takes."""
+
+    def __init__(
+        self, arguments: argparse.Namespace, tasks: Sequence[BatchTask], report: Callable[[str], object]
+    ) -> None:
+        is_quiet = arguments.quiet or arguments.json
+        self._sizes = {task.name: max(task.model.size, 1) for task in tasks}
+        self._report, self._is_verbose = report, arguments.verbose
+        self._lines = Milestones("slicing", wanted=not (is_quiet or arguments.verbose or sys.stderr.isatty()))
+        self._began, self._done_size, self._kept_size = monotonic(), 0, 0
+        self._n_failed = 0
+        self.n_done = 0
+
+    def add(self, result: BatchResult) -> None:
+        """Count a result."""
+        self.n_done += 1
+        self._n_failed += bool(result.problem)
+        self._done_size += self._sizes[result.task]
+        name = f"{result.task}: {result.problem or 'done'}" if self._is_verbose else ""
+        self._report(name or self._describe())
+        self._lines.report_if_due(self.n_done, len(self._sizes), self._describe)
+
+    def _describe(self) -> str:
+        """Return how many tasks are done, and how long the rest takes if they take as long per byte."""
+        seconds = monotonic() - self._began
+        left = seconds * (sum(self._sizes.values()) - self._done_size) / max(self._done_size, 1)
+        failed = f", {self._n_failed} failed" if self._n_failed else ""
+        return f"{self.n_done} of {len(self._sizes)} sliced{failed}, about {format_duration(left)} left"
+
+
+def _write_reports(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
+    """Write the reports."""
+    from printer_slicer.batch.reports import make_csv, make_page
+
+    for path in arguments.report:
+        is_page = path.suffix.lower() == ".html"
+        title = f"Batch in {arguments.output_dir.name or arguments.output_dir}"
+        write_file(path, make_page(results, title) if is_page else make_csv(results))
+    open_files(arguments, [path for path in arguments.report if path.suffix.lower() == ".html"])
+
+
+def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
+    """Print a table of the results, and how many tasks failed."""
+    from printer_slicer.batch.reports import collect_row, mark_best_rows
+
+    has_choices = bool(arguments.matrix)
+    best = mark_best_rows(results) if has_choices else [False] * len(results)
+    rows = [
+        collect_row(one) | ({"best": mark} if has_choices else {})
+        for one, mark in zip(results, best, strict=True)
+    ]
+    failed = [one for one in results if one.problem]
+    if arguments.json:
+        facts: dict[str, Any] = {
+            "output_dir": str(arguments.output_dir),
+            "tasks": rows,
+            "failed": len(failed),
+        }
+        print(json.dumps(facts | collect_profile_facts(arguments)))
+        return
+    width = max(len(one.task) for one in results)
+    shown = [one for one, _ in zip(range(len(results)), range(_MOST_SHOWN), strict=False)]
+    lines = [_format_row(results[at], rows[at], width, is_best=best[at]) for at in shown]
+    if len(results) > len(shown):
+        lines.append(f"... and {len(results) - len(shown)} more; --report FILE.html lists all")
+        lines += [f"{one.task}: failed: {one.problem}" for one in failed if one not in results[:_MOST_SHOWN]]
+    if has_choices:
+        lines.append("*: no other row of this part has less print time, deviation and volume error")
+    lines.append(f"{arguments.output_dir}: {len(results) - len(failed)} of {len(results)} sliced")
+    print_text(arguments, "\n".join(lines))
+
+
+def _format_row(result: BatchResult, row: dict[str, Any], width: int, *, is_best: bool) -> str:
+    """Format a result as a line of the table."""
+    start = f"{'*' if is_best else ' '} {result.task:<{width}}"
+    if result.problem:
+        return f"{start}  failed: {result.problem}"
+    numbers = (
+        f"{format_duration(row['seconds']):>12}{format_significant(row['filament_g']) + ' g':>10}"
+        f"{row['layers']:>6} layers{format_significant(row['max_error_mm']) + ' mm':>12}"
+        f"{format_significant(row['volume_error_mm3']) + ' mm³':>12}"
+    )
+    warnings = (
+        f"  {len(result.warnings)} warning{'s' * (len(result.warnings) > 1)}" if result.warnings else ""
+    )
+    return f"{start}{numbers}{warnings}"

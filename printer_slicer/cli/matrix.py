@@ -1,0 +1,82 @@
+"""Profiles of all combinations of settings in --matrix."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from printer_slicer.cli.settings import collect_changes, load_selected_profile
+from printer_slicer.errors import ProfileError, UsageError
+
+if TYPE_CHECKING:
+    from printer_slicer.profile import Profile
+
+__all__ = ["Combination", "add_matrix_option", "load_combinations"]
+
+_KINDS = ("printer", "material", "quality")
+
+
+class Combination(NamedTuple):
+    """One combination of settings.
+
+    Attributes:
+        choices: the settings of --matrix in it.
+        profile: the profile.
+        keeps_layer_height: whether the user chose a layer height or a planner.
+        has_quality: whether the user chose a quality.
+    """
+
+    choices: Mapping[str, str]
+    profile: Profile
+    keeps_layer_height: bool
+    has_quality: bool
+
+
+def add_matrix_option(group: argparse._ArgumentGroup, what: str) -> None:
+    """Add --matrix; `what` is done for each combination."""
+    group.add_argument(
+        "--matrix",
+        metavar="KEY=A,B",
+        action="append",
+        default=[],
+        help=f"{what} with each of these values of a setting, or of printer, material or quality; may be repeated",
+    )
+
+
+def load_combinations(arguments: argparse.Namespace) -> list[Combination]:
+    """Load the profile of each combination; print names and origins of the first one.
+
+    Raises:
+        UsageError: a setting of --matrix is invalid, or given by another option, too.
+    """
+    from printer_slicer.batch.matrix import combine_choices, parse_choices
+
+    try:
+        choices = parse_choices(arguments.matrix)
+        combinations = combine_choices(choices)
+    except UsageError as error:
+        raise UsageError(f"--matrix {error.args[0]}", remedy=error.remedy) from None
+    for kind in _KINDS:
+        if kind in choices and getattr(arguments, kind, None) is not None:
+            raise UsageError(f"--matrix {kind}: --{kind} is given, too", remedy=f"Leave out --{kind}")
+    return [_load(arguments, chosen, tell=at == 0) for at, chosen in enumerate(combinations)]
+
+
+def _load(arguments: argparse.Namespace, choices: Mapping[str, str], *, tell: bool) -> Combination:
+    """Load the profile of one combination."""
+    own = argparse.Namespace(**vars(arguments))
+    own.set = [*arguments.set, *(f"{key}={value}" for key, value in choices.items() if key not in _KINDS)]
+    for kind in _KINDS:
+        setattr(own, kind, choices.get(kind, getattr(arguments, kind, None)))
+    try:
+        profile = load_selected_profile(own, tell=tell)
+    except ProfileError as error:
+        given = " ".join(f"{key}={value}" for key, value in choices.items())
+        where = f"--matrix {given}: " if given else ""
+        raise UsageError(f"{where}{error.args[0]}", remedy=error.remedy) from None
+    if tell:
+        arguments.profile_facts = own.profile_facts
+    changed = collect_changes(own)
+    keeps = any(key.endswith(("layer_height", "planner.kind")) for key in changed)
+    return Combination(choices, profile, keeps, own.quality is not None)

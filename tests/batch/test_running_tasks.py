@@ -1,0 +1,152 @@
+"""Every task gets exactly one result, whatever happens to its workers."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import printer_slicer as ps
+from printer_slicer.batch.executors import Workers
+from printer_slicer.batch.manifest import MANIFEST, read_manifest
+from printer_slicer.batch.running import run_batch, run_tasks
+from printer_slicer.batch.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
+from printer_slicer.values import replace
+
+PROFILE = ps.load_profile()
+
+
+def make_task(name: str, size: int = 1) -> BatchTask:
+    return BatchTask(name, TaskModel(f"{name}.stl", f"hash of {name}", size, f"{name}.stl"), PROFILE)
+
+
+class Fates:
+    """Starts tasks that end as it was told: `done`, `lost`, `late` or `cancelled`, one after the other."""
+
+    def __init__(self, fates: dict[str, list[str]]) -> None:
+        self.fates, self.started = fates, list[str]()
+
+    def submit(self, task: BatchTask) -> Future[BatchResult]:
+        self.started.append(task.name)
+        fate = (self.fates.get(task.name) or ["done"]).pop(0) if self.fates.get(task.name) else "done"
+        future: Future[BatchResult] = Future()
+        if fate == "cancelled":
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        elif fate == "lost":
+            future.set_exception(OSError("the worker is gone"))
+        elif fate == "late":
+            future.set_exception(TimeoutError())
+        else:
+            future.set_result(fail_task(task, ""))
+        return future
+
+
+FATE = st.sampled_from(["done", "lost", "late", "cancelled"])
+
+
+@given(st.lists(st.lists(FATE, max_size=5), max_size=8), st.integers(1, 5))
+def test_every_task_has_one_result(fates: list[list[str]], n_pending: int) -> None:
+    names = [f"part{at}" for at in range(len(fates))]
+    expected = {}
+    for name, own in zip(names, fates, strict=True):
+        kept = [one for one in own if one != "cancelled"] + ["done", "done"]
+        fails = kept[0] == "late" or (kept[0] == "lost" and kept[1] != "done")
+        expected[name] = fails
+    run = Fates({name: [*own] for name, own in zip(names, fates, strict=True)})
+
+    results = list(run_tasks([make_task(name) for name in names], run.submit, n_pending))
+
+    assert sorted(one.task for one in results) == names
+    assert {one.task: bool(one.problem) for one in results} == expected
+
+
+def test_the_largest_models_start_first_and_few_wait() -> None:
+    waiting: list[Future[BatchResult]] = []
+    order: list[str] = []
+
+    def submit(task: BatchTask) -> Future[BatchResult]:
+        order.append(task.name)
+        future: Future[BatchResult] = Future()
+        waiting.append(future)
+        if len(waiting) == 2:  # both places are taken: the first one ends
+            waiting.pop(0).set_result(fail_task(task, ""))
+        return future
+
+    tasks = [make_task("small", 1), make_task("large", 9), make_task("middle", 5)]
+    results = run_tasks(tasks, submit, 2)
+    next(results)
+    assert order == ["large", "middle"]
+    results.close()
+    assert all(one.cancelled() for one in waiting)
+
+
+def test_the_reasons_tell_what_happened() -> None:
+    run = Fates({"a": ["late"], "b": ["lost", "lost"]})
+    results = {one.task: one.problem for one in run_tasks([make_task("a"), make_task("b")], run.submit, 2)}
+
+    assert results["a"] == "slicing took longer than 3600 s"
+    assert "in 2 attempts" in results["b"]
+    assert run.started.count("b") == 2
+
+
+def slicing(task: BatchTask, folder: Path) -> BatchResult:
+    """Return a result with one file, which is written."""
+    text = f"; {task.name}\n".encode()
+    (folder / f"{task.name}.gcode").write_bytes(text)
+    return replace(
+        fail_task(task, ""),
+        files=(SlicedFile(f"{task.name}.gcode", sha256(text).hexdigest(), len(text), {}),),
+    )
+
+
+class Writing:
+    """Workers that write one file per task, and count."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.started = folder, list[str]()
+
+    def workers(self) -> Workers:
+        def submit(task: BatchTask) -> Future[BatchResult]:
+            self.started.append(task.name)
+            future: Future[BatchResult] = Future()
+            future.set_result(slicing(task, self.folder))
+            return future
+
+        return Workers(submit, 2, True, 1)
+
+
+def test_a_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
+    tasks = [make_task(name) for name in "abcd"]
+    first = Writing(tmp_path)
+    results = run_batch(tasks, first.workers(), tmp_path)
+    assert [one.task for one in results] == list("abcd")
+
+    (tmp_path / "b.gcode").write_text("changed")
+    (tmp_path / "c.gcode").unlink()
+    manifest = tmp_path / MANIFEST
+    manifest.write_text(manifest.read_text()[:-20])  # the machine stopped while the line of d was written
+    again = Writing(tmp_path)
+    assert run_batch(tasks, again.workers(), tmp_path, resumes=True) == results
+    assert sorted(again.started) == ["b", "c", "d"]
+    assert len(read_manifest(tmp_path)) == 4
+
+
+@pytest.mark.parametrize("resumes", [False, True])
+def test_other_settings_are_sliced_again(tmp_path: Path, resumes: bool) -> None:
+    run_batch([make_task("a")], Writing(tmp_path).workers(), tmp_path)
+    other = replace(make_task("a"), profile=ps.load_profile(changes={"perimeters": "4"}))
+    again = Writing(tmp_path)
+    run_batch([other], again.workers(), tmp_path, resumes=resumes)
+    assert again.started == ["a"]
+
+
+def test_failed_tasks_are_tried_again(tmp_path: Path) -> None:
+    run = Fates({"a": ["late"]})
+    workers = Workers(run.submit, 1, True, 1)
+    assert run_batch([make_task("a")], workers, tmp_path)[0].problem
+    assert not run_batch([make_task("a")], workers, tmp_path, resumes=True)[0].problem
