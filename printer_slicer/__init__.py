@@ -23,6 +23,8 @@ from printer_slicer.lazy_names import lazy_names as _lazy_names
 from printer_slicer.version import VERSION as _VERSION
 
 if TYPE_CHECKING:
+    from printer_slicer.batching.api import batch
+    from printer_slicer.batching.tasks import BatchResult, SlicedFile
     from printer_slicer.drawing import Picture, draw, draw_plan
     from printer_slicer.errors import PrinterSlicerError, StrategyError
     from printer_slicer.extrusion import move_seconds
@@ -68,6 +70,7 @@ _HOMES = {
     "FLAVOURS": "firmware",
     "LIMITS": "mesh_io",
     "Areas": "geometry",
+    "BatchResult": "batching.tasks",
     "Certificate": "surface",
     "Check": "inspection.coverage.model_check",
     "Controls": "printing",
@@ -93,6 +96,7 @@ _HOMES = {
     "Repairs": "model",
     "Role": "roles",
     "Sections": "model",
+    "SlicedFile": "batching.tasks",
     "Stages": "stages",
     "Strategies": "strategies",
     "StrategyError": "errors",
@@ -102,6 +106,7 @@ _HOMES = {
     "Volumes": "model",
     "Walls": "model",
     "arrange": "plates",
+    "batch": "batching.api",
     "certify": "surface",
     "check_gcode": "inspection.coverage.model_check",
     "draw": "drawing",
@@ -136,6 +141,7 @@ __all__ = [
     "FLAVOURS",
     "LIMITS",
     "Areas",
+    "BatchResult",
     "Certificate",
     "Check",
     "Controls",
@@ -161,6 +167,7 @@ __all__ = [
     "Repairs",
     "Role",
     "Sections",
+    "SlicedFile",
     "Stages",
     "Strategies",
     "StrategyError",
@@ -170,6 +177,7 @@ __all__ = [
     "Volumes",
     "Walls",
     "arrange",
+    "batch",
     "certify",
     "check_gcode",
     "draw",

@@ -25,7 +25,7 @@ from printer_slicer.strategies import BUILT_IN, Strategies
 from printer_slicer.texts import describe_type
 from printer_slicer.values import replace
 
-__all__ = ["job_from", "job_of", "slice"]
+__all__ = ["job_from", "job_of", "load_slice_profile", "slice"]
 
 _PROFILE_REMEDY: Final = (
     "With a Profile, use ps.job_of(mesh, profile), or ps.job_from(path, profile) for a file"
@@ -161,15 +161,31 @@ def slice(  # noqa: A001 - called as ps.slice
     if not isinstance(path_or_mesh, Mesh):
         name = _check_model_path(path_or_mesh).name
     names: dict[str, Any] = {"printer": printer, "material": material, "quality": quality}
+    profile, notes = load_slice_profile(settings, folders=profiles, **names)
+    part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
+    return replace(job_of(part, profile, name=name, volumes=volumes), notes=notes)
+
+
+def load_slice_profile(
+    settings: Mapping[str, object], folders: Sequence[str | os.PathLike[str]] = (), **names: Any
+) -> tuple[Profile, tuple[str, ...]]:
+    """Load the profile with settings as `slice` has them; return it, and what settings of other slicers became.
+
+    Args:
+        settings: the keywords of `slice`.
+        folders: folders of profiles that are searched first.
+        **names: names of `printer`, `material` and `quality`.
+
+    Raises:
+        UsageError: a profile or a setting does not exist or is out of bounds.
+    """
     _check_options({**names, **settings})
 
     def load(changes: Mapping[str, object] | None) -> Profile:
-        return load_profile(**names, changes=changes, slices=False, folders=profiles)
+        return load_profile(**names, changes=changes, slices=False, folders=folders)
 
     changes, notes = translate_changes(dict(_flatten_settings(_rename_options(settings))), load)
-    profile = load_profile(**names, changes=changes, folders=profiles)
-    part = path_or_mesh if isinstance(path_or_mesh, Mesh) else load_mesh(path_or_mesh)
-    return replace(job_of(part, profile, name=name, volumes=volumes), notes=notes)
+    return load_profile(**names, changes=changes, folders=folders), notes
 
 
 def _check_model_path(given: object) -> Path:

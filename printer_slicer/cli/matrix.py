@@ -4,33 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from printer_slicer.cli.settings import collect_changes, load_selected_profile
 from printer_slicer.errors import ProfileError, UsageError
 
 if TYPE_CHECKING:
-    from printer_slicer.profile import Profile
+    from printer_slicer.batching.tasks import Combination
 
-__all__ = ["Combination", "add_matrix_option", "load_combinations"]
+__all__ = ["add_matrix_option", "load_combinations"]
 
 _KINDS = ("printer", "material", "quality")
-
-
-class Combination(NamedTuple):
-    """One combination of settings.
-
-    Attributes:
-        choices: the settings of --matrix in it.
-        profile: the profile.
-        keeps_layer_height: whether the user chose a layer height or a planner.
-        has_quality: whether the user chose a quality.
-    """
-
-    choices: Mapping[str, str]
-    profile: Profile
-    keeps_layer_height: bool
-    has_quality: bool
 
 
 def add_matrix_option(group: argparse._ArgumentGroup, what: str) -> None:
@@ -50,7 +34,7 @@ def load_combinations(arguments: argparse.Namespace) -> list[Combination]:
     Raises:
         UsageError: a setting of --matrix is invalid, or given by another option, too.
     """
-    from printer_slicer.batch.matrix import combine_choices, parse_choices
+    from printer_slicer.batching.matrix import combine_choices, parse_choices
 
     try:
         choices = parse_choices(arguments.matrix)
@@ -65,6 +49,8 @@ def load_combinations(arguments: argparse.Namespace) -> list[Combination]:
 
 def _load(arguments: argparse.Namespace, choices: Mapping[str, str], *, tell: bool) -> Combination:
     """Load the profile of one combination."""
+    from printer_slicer.batching.tasks import Combination
+
     own = argparse.Namespace(**vars(arguments))
     own.set = [*arguments.set, *(f"{key}={value}" for key, value in choices.items() if key not in _KINDS)]
     for kind in _KINDS:

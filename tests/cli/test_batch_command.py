@@ -13,7 +13,7 @@ import pytest
 from command_line import BOX, MACHINE, PARTS, QUICK, USUAL, typed
 
 import printer_slicer as ps
-from printer_slicer.batch.manifest import MANIFEST
+from printer_slicer.batching.manifest import MANIFEST
 from tests.parts import box
 from tests.supports.shapes import tee
 from tests.waiting import until

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import monotonic
@@ -22,7 +21,7 @@ from printer_slicer.cli.arguments import (
     parse_positive_integer,
 )
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.matrix import Combination, add_matrix_option, load_combinations
+from printer_slicer.cli.matrix import add_matrix_option, load_combinations
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import Milestones, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts
@@ -30,7 +29,7 @@ from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
-    from printer_slicer.batch.tasks import BatchResult, BatchTask
+    from printer_slicer.batching.tasks import BatchResult, BatchTask, Combination
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -111,9 +110,9 @@ def _add_model_options(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Slice all models with all combinations of settings."""
-    from printer_slicer.batch.executors import count_processors, open_workers
-    from printer_slicer.batch.pool import ProcessLimits
-    from printer_slicer.batch.running import run_batch
+    from printer_slicer.batching.executors import count_processors, open_workers
+    from printer_slicer.batching.pool import ProcessLimits
+    from printer_slicer.batching.running import run_batch
     from printer_slicer.process_lock import ProcessLock
     from printer_slicer.saving import make_folder
 
@@ -166,8 +165,7 @@ def _list_tasks(arguments: argparse.Namespace, combinations: Sequence[Combinatio
     Raises:
         UsageError: a model cannot be read.
     """
-    from printer_slicer.batch.matrix import name_choices
-    from printer_slicer.batch.tasks import BatchTask, ModelOptions, read_task_model
+    from printer_slicer.batching.tasks import ModelOptions, list_tasks
 
     options = ModelOptions(
         units=arguments.units,
@@ -178,38 +176,14 @@ def _list_tasks(arguments: argparse.Namespace, combinations: Sequence[Combinatio
         copies=arguments.copies,
     )
     has_picture = any(path.suffix.lower() == ".html" for path in arguments.report)
-    return [
-        BatchTask(
-            "-".join(filter(None, (name, name_choices(one.choices)))),
-            model,
-            one.profile,
-            options,
-            one.choices,
-            strict=arguments.strict,
-            keeps_layer_height=one.keeps_layer_height,
-            has_quality=one.has_quality,
-            has_picture=has_picture,
-            max_seconds=60.0 * arguments.max_minutes,
-        )
-        for path, name in _name_models(arguments.models).items()
-        for model in [read_task_model(path)]
-        for one in combinations
-    ]
-
-
-def _name_models(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return the name of the G-code of each model: that of the file, with its folder or a number if it occurs twice."""
-    paths = list(dict.fromkeys(paths))
-    counts = Counter(path.stem for path in paths)
-    names: dict[Path, str] = {}
-    for path in paths:
-        name = base = path.stem if counts[path.stem] == 1 else f"{path.absolute().parent.name}-{path.stem}"
-        number = 1
-        while name in names.values():
-            number += 1
-            name = f"{base}_{number}"
-        names[path] = name
-    return names
+    return list_tasks(
+        arguments.models,
+        combinations,
+        options,
+        strict=arguments.strict,
+        has_picture=has_picture,
+        max_seconds=60.0 * arguments.max_minutes,
+    )
 
 
 class _Progress:
@@ -245,7 +219,7 @@ class _Progress:
 
 def _write_reports(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
     """Write the reports."""
-    from printer_slicer.batch.reports import make_csv, make_page
+    from printer_slicer.batching.reports import make_csv, make_page
 
     for path in arguments.report:
         is_page = path.suffix.lower() == ".html"
@@ -256,7 +230,7 @@ def _write_reports(arguments: argparse.Namespace, results: Sequence[BatchResult]
 
 def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
     """Print a table of the results, and how many tasks failed."""
-    from printer_slicer.batch.reports import collect_row, mark_best_rows
+    from printer_slicer.batching.reports import collect_row, mark_best_rows
 
     has_choices = bool(arguments.matrix)
     best = mark_best_rows(results) if has_choices else [False] * len(results)

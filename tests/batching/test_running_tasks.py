@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import printer_slicer as ps
-from printer_slicer.batch.executors import Workers
-from printer_slicer.batch.manifest import MANIFEST, read_manifest
-from printer_slicer.batch.running import run_batch, run_tasks
-from printer_slicer.batch.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
+from printer_slicer.batching.executors import Workers
+from printer_slicer.batching.manifest import MANIFEST, read_manifest
+from printer_slicer.batching.running import run_batch, run_tasks
+from printer_slicer.batching.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
 from printer_slicer.values import replace
 
 PROFILE = ps.load_profile()

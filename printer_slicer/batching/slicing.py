@@ -9,7 +9,7 @@ from time import monotonic
 from typing import Any, Final, NamedTuple
 from zlib import compress
 
-from printer_slicer.batch.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
+from printer_slicer.batching.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
 from printer_slicer.errors import PartError, PrinterSlicerError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.facts.findings import (

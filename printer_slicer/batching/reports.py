@@ -10,8 +10,8 @@ from html import escape
 from importlib.resources import files
 from typing import Any, Final
 
-from printer_slicer.batch.matrix import find_unbeaten_rows
-from printer_slicer.batch.tasks import BatchResult
+from printer_slicer.batching.matrix import find_unbeaten_rows
+from printer_slicer.batching.tasks import BatchResult
 from printer_slicer.texts import format_duration, format_significant
 
 __all__ = ["collect_row", "make_csv", "make_page", "mark_best_rows"]
@@ -98,7 +98,7 @@ def make_page(results: Sequence[BatchResult], title: str) -> bytes:
         if keys
         else ""
     )
-    template = files("printer_slicer.batch").joinpath("report.html").read_text("utf-8")
+    template = files("printer_slicer.batching").joinpath("report.html").read_text("utf-8")
     values = {"title": escape(title), "summary": summary, "note": note, "head": head, "body": body}
     for name, value in values.items():
         template = template.replace(f"<!--{name}-->", value)

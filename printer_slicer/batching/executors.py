@@ -9,9 +9,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Final, NamedTuple
 
-from printer_slicer.batch.pool import ProcessExecutor, ProcessLimits, slice_and_report
-from printer_slicer.batch.running import Submit
-from printer_slicer.batch.tasks import BatchResult, BatchTask
+from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits, slice_and_report
+from printer_slicer.batching.running import Submit
+from printer_slicer.batching.tasks import BatchResult, BatchTask
 from printer_slicer.values import replace
 
 __all__ = ["Workers", "count_processors", "open_workers", "use_executor"]
@@ -55,7 +55,7 @@ def open_workers(n_processes: int, cluster: str, limits: ProcessLimits) -> Itera
         UsageError: the cluster cannot be used.
     """
     if cluster:
-        from printer_slicer.batch.cluster import ClusterExecutor  # noqa: PLC0415 - slow
+        from printer_slicer.batching.cluster import ClusterExecutor  # noqa: PLC0415 - slow
 
         remote = ClusterExecutor(cluster, limits)
         executor: Executor = remote
@@ -78,7 +78,7 @@ def use_executor(executor: Executor) -> Workers:
 
     Executors of `concurrent.futures` run on this machine, so they read the files of models. Others get their content.
     """
-    from printer_slicer.batch.slicing import slice_task  # noqa: PLC0415 - slow
+    from printer_slicer.batching.slicing import slice_task  # noqa: PLC0415 - slow
 
     is_local = isinstance(executor, ProcessPoolExecutor | ThreadPoolExecutor | ProcessExecutor)
     count = getattr(executor, "_max_workers", None)

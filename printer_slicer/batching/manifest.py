@@ -9,7 +9,7 @@ from hashlib import file_digest
 from pathlib import Path
 from typing import Final
 
-from printer_slicer.batch.tasks import BatchResult, SlicedFile
+from printer_slicer.batching.tasks import BatchResult, SlicedFile
 from printer_slicer.errors import OutputError
 from printer_slicer.values import as_dict, replace
 

@@ -7,16 +7,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
-from zlib import decompress
 
-from printer_slicer.batch.manifest import Manifest, read_manifest
-from printer_slicer.batch.pool import describe_lost_process
-from printer_slicer.batch.tasks import BatchResult, BatchTask, fail_task
+from printer_slicer.batching.manifest import Manifest, read_manifest
+from printer_slicer.batching.pool import describe_lost_process
+from printer_slicer.batching.tasks import BatchResult, BatchTask, fail_task
 from printer_slicer.saving import save
 from printer_slicer.values import replace
 
 if TYPE_CHECKING:
-    from printer_slicer.batch.executors import Workers
+    from printer_slicer.batching.executors import Workers
 
 __all__ = ["Submit", "run_batch", "run_tasks"]
 
@@ -127,5 +126,5 @@ def _store_files(result: BatchResult, folder: Path | None) -> BatchResult:
     if folder is None or not any(one.content for one in result.files):
         return result
     for one in result.files:
-        save(folder / one.name, decompress(one.content))
+        save(folder / one.name, one.read())
     return replace(result, files=tuple(replace(one, content=b"") for one in result.files))

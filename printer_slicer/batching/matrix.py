@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
-from typing import Final
+from typing import Final, TypeVar
 
 from printer_slicer.errors import UsageError
 
 __all__ = ["combine_choices", "find_unbeaten_rows", "name_choices", "parse_choices"]
 
+_Value = TypeVar("_Value")
 _MAX_COMBINATIONS: Final = 10_000
 _OUTER_COMMA: Final = re.compile(r",(?![^\[\]]*\])")
 _UNSAFE: Final = re.compile(r"[^\w.+-]+")
@@ -37,7 +38,7 @@ def parse_choices(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:
     return choices
 
 
-def combine_choices(choices: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+def combine_choices(choices: Mapping[str, Sequence[_Value]]) -> list[dict[str, _Value]]:
     """Return all combinations, one value of each key; a single empty one without choices.
 
     Raises:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.batch.matrix import (
+from printer_slicer.batching.matrix import (
     combine_choices,
     find_unbeaten_rows,
     name_choices,

@@ -12,10 +12,15 @@ from threading import Event
 import pytest
 
 import printer_slicer as ps
-from printer_slicer.batch.executors import open_workers
-from printer_slicer.batch.pool import ProcessExecutor, ProcessLimits, describe_lost_process, slice_and_report
-from printer_slicer.batch.running import run_batch
-from printer_slicer.batch.tasks import BatchTask, read_task_model
+from printer_slicer.batching.executors import open_workers
+from printer_slicer.batching.pool import (
+    ProcessExecutor,
+    ProcessLimits,
+    describe_lost_process,
+    slice_and_report,
+)
+from printer_slicer.batching.running import run_batch
+from printer_slicer.batching.tasks import BatchTask, read_task_model
 from tests.parts import box
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pebble import ProcessPool
 
-    from printer_slicer.batch.tasks import BatchResult, BatchTask
+    from printer_slicer.batching.tasks import BatchResult, BatchTask
 
 __all__ = ["ProcessExecutor", "ProcessLimits", "describe_lost_process", "slice_and_report"]
 
@@ -122,7 +122,7 @@ def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
 
 def slice_and_report(task: BatchTask) -> BatchResult:
     """Slice in a process of the pool, and tell each stage."""
-    from printer_slicer.batch.slicing import slice_task  # noqa: PLC0415 - after `_prepare`
+    from printer_slicer.batching.slicing import slice_task  # noqa: PLC0415 - after `_prepare`
 
     return slice_task(task, lambda stage: _tell_stage(task.name, stage))
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Literal
+from zlib import decompress
 
+from printer_slicer.batching.matrix import name_choices
 from printer_slicer.errors import UsageError
 from printer_slicer.profile import Profile, settings_as_dict
 from printer_slicer.values import Struct, as_dict
@@ -16,11 +19,12 @@ from printer_slicer.version import VERSION
 __all__ = [
     "BatchResult",
     "BatchTask",
+    "Combination",
     "ModelOptions",
     "SlicedFile",
     "TaskModel",
-    "describe_choices",
     "fail_task",
+    "list_tasks",
     "read_task_model",
 ]
 
@@ -96,6 +100,9 @@ class ModelOptions(Struct, frozen=True):
     copies: int = 1
 
 
+_UNCHANGED: Final = ModelOptions()
+
+
 class BatchTask(Struct, frozen=True):
     """One model with one set of settings.
 
@@ -116,7 +123,7 @@ class BatchTask(Struct, frozen=True):
     name: str
     model: TaskModel
     profile: Profile
-    options: ModelOptions = ModelOptions()
+    options: ModelOptions = _UNCHANGED
     choices: Mapping[str, str] = {}
     strict: bool = False
     keeps_layer_height: bool = False
@@ -157,6 +164,10 @@ class SlicedFile(Struct, frozen=True):
     facts: Mapping[str, Any]
     content: bytes = b""
 
+    def read(self) -> bytes:
+        """Return the G-code, if the worker did not write it to a file."""
+        return decompress(self.content)
+
 
 class BatchResult(Struct, frozen=True):
     """What became of a task.
@@ -194,11 +205,71 @@ class BatchResult(Struct, frozen=True):
         return float(max((one.facts["certificate"][fact] for one in self.files), default=0.0))
 
 
+class Combination(Struct, frozen=True):
+    """One combination of the settings in which tasks differ.
+
+    Attributes:
+        choices: these settings, as text.
+        profile: the profile with them.
+        keeps_layer_height: whether the user chose a layer height, see `apply_project_settings`.
+        has_quality: whether the user chose a quality, see `apply_project_settings`.
+    """
+
+    choices: Mapping[str, str]
+    profile: Profile
+    keeps_layer_height: bool = False
+    has_quality: bool = True
+
+
+def list_tasks(
+    paths: Sequence[Path],
+    combinations: Sequence[Combination],
+    options: ModelOptions = _UNCHANGED,
+    **more: Any,
+) -> list[BatchTask]:
+    """Return a task for each model and combination of settings.
+
+    Args:
+        paths: the models; a path that occurs twice counts once.
+        combinations: at least one.
+        options: what happens to each model before it is sliced.
+        **more: further fields of each task.
+
+    Raises:
+        UsageError: a model cannot be read.
+    """
+    return [
+        BatchTask(
+            "-".join(filter(None, (name, name_choices(one.choices)))),
+            model,
+            one.profile,
+            options,
+            one.choices,
+            keeps_layer_height=one.keeps_layer_height,
+            has_quality=one.has_quality,
+            **more,
+        )
+        for path, name in _name_models(paths).items()
+        for model in [read_task_model(path)]
+        for one in combinations
+    ]
+
+
+def _name_models(paths: Sequence[Path]) -> dict[Path, str]:
+    """Return the name of the G-code of each model: that of the file, with its folder or a number if it occurs twice."""
+    paths = list(dict.fromkeys(paths))
+    counts = Counter(path.stem for path in paths)
+    names: dict[Path, str] = {}
+    for path in paths:
+        name = base = path.stem if counts[path.stem] == 1 else f"{path.absolute().parent.name}-{path.stem}"
+        number = 1
+        while name in names.values():
+            number += 1
+            name = f"{base}_{number}"
+        names[path] = name
+    return names
+
+
 def fail_task(task: BatchTask, problem: str) -> BatchResult:
     """Return the result of a task that failed."""
     return BatchResult(task.name, task.key, task.model.name, task.model.sha256, task.choices, problem)
-
-
-def describe_choices(choices: Mapping[str, str]) -> str:
-    """Return settings as text, such as `quality=draft tolerance=0.02`."""
-    return " ".join(f"{key}={value}" for key, value in choices.items())
