@@ -70,6 +70,7 @@ class Preview(Struct, frozen=True, eq=False):
         layer_z: (L,) mm, top of each layer.
         layer_height: (L,) mm.
         layer_seconds: (L,) time of the moves of each layer, s.
+        layer_command: (L,) index of the command of the first move of each layer, among the commands of the file.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Preview(Struct, frozen=True, eq=False):
     layer_z: Float
     layer_height: Float
     layer_seconds: Float
+    layer_command: Int
 
     def __post_init__(self) -> None:
         n_moves, n_layers = len(self.role), len(self.first)
@@ -98,6 +100,7 @@ class Preview(Struct, frozen=True, eq=False):
             ("layer_z", np.float64, (n_layers,)),
             ("layer_height", np.float64, (n_layers,)),
             ("layer_seconds", np.float64, (n_layers,)),
+            ("layer_command", np.int64, (n_layers,)),
         ):
             force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 

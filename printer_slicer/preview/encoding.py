@@ -6,7 +6,7 @@ The file, with little-endian numbers and K moves:
     4 bytes      length of the header
     header       JSON in UTF-8: `name`; `moves`, K; `origin` and `step` of x, y and z, mm; `start`, the first point in
                  steps from the origin; `roles`, each with `name`, `colour`, `outer` and `priming`; `layers` with
-                 the columns `first`, `z`, `height` and `seconds`
+                 the columns `first`, `z`, `height`, `seconds` and `command`
     12 K bytes   the columns x, y, z, width, height and speed, 2 bytes a move
     2 K bytes    the columns role and tool, 1 byte a move
 
@@ -122,6 +122,7 @@ def _make_header(preview: Preview) -> dict[str, Any]:
             "z": np.round(preview.layer_z, 4).tolist(),
             "height": np.round(preview.layer_height, 4).tolist(),
             "seconds": np.round(preview.layer_seconds, 2).tolist(),
+            "command": preview.layer_command.tolist(),
         },
     }
 
@@ -133,6 +134,7 @@ def _read_layers(layers: Mapping[str, Any]) -> dict[str, Any]:
         "layer_z": np.array(layers["z"], np.float64),
         "layer_height": np.array(layers["height"], np.float64),
         "layer_seconds": np.array(layers["seconds"], np.float64),
+        "layer_command": np.array(layers["command"], np.int64),
     }
 
 

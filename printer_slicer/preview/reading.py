@@ -70,6 +70,7 @@ def read_preview(
         layer_z=layers.top[level],
         layer_height=(layers.top - layers.bottom)[level],
         layer_seconds=seconds,
+        layer_command=moves.line[first],
     )
 
 

@@ -25,11 +25,13 @@ class PrinterMatch(Struct, frozen=True):
         printer: name of the printer.
         fits: whether it could print the job, now or later.
         reasons: why it does not print the job now, one sentence each; empty if it would.
+        remedy: what to do on the command line; empty if there is nothing to do.
     """
 
     printer: str
     fits: bool
     reasons: tuple[str, ...]
+    remedy: str = ""
 
 
 class Explanation(Struct, frozen=True):
@@ -39,11 +41,13 @@ class Explanation(Struct, frozen=True):
         job: the job.
         summary: the most important reason, one sentence.
         printers: the printers, in the order of printers.toml.
+        remedy: what to do on the command line; empty if there is nothing to do.
     """
 
     job: QueuedJob
     summary: str
     printers: tuple[PrinterMatch, ...]
+    remedy: str = ""
 
 
 def explain_job(queue: PrintQueue, job: int) -> Explanation:
@@ -58,7 +62,7 @@ def explain_job(queue: PrintQueue, job: int) -> Explanation:
     matches = tuple(
         _match_printer(queue, snapshot, found, entry, states[entry.name]) for entry in queue.list_printers()
     )
-    return Explanation(found, _summarise(queue, found, matches), matches)
+    return Explanation(found, *_summarise(queue, found, matches))
 
 
 def _match_printer(
@@ -68,11 +72,12 @@ def _match_printer(
     reasons = _find_lasting_reasons(queue, job, entry, state)
     if reasons:
         return PrinterMatch(entry.name, fits=False, reasons=tuple(reasons))
-    reasons = [] if state.job == job.id else find_obstacles(state)
     earlier = _find_earlier_job(queue, snapshot, job, entry, state)
-    if earlier is not None:
-        reasons.append(f"job {earlier} is before it in the queue")
-    return PrinterMatch(entry.name, fits=True, reasons=tuple(reasons))
+    reasons = [] if earlier is None else [f"job {earlier} is before it in the queue"]
+    reasons += [] if state.job == job.id else find_obstacles(state)
+    needs_person = state.job is None and state.bed != "clear"
+    remedy = f"run printer-slicer queue clear-bed {state.name} when it is clear" if needs_person else ""
+    return PrinterMatch(entry.name, fits=True, reasons=tuple(reasons), remedy=remedy)
 
 
 def _find_lasting_reasons(
@@ -100,10 +105,21 @@ def _find_earlier_job(
     return None
 
 
-def _summarise(queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, ...]) -> str:
+def _summarise(
+    queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, ...]
+) -> tuple[str, tuple[PrinterMatch, ...], str]:
+    """Return the most important reason as a sentence, the printers, and what to do on the command line."""
+    summary = _find_main_reason(queue, job, matches)
+    if job.state == "held":
+        return summary, matches, f"run printer-slicer queue release {job.id}"
+    is_waiting = job.state == "ready" and any(match.fits for match in matches)
+    return summary, matches, "printer-slicer queue run" if is_waiting and not is_supervised(queue) else ""
+
+
+def _find_main_reason(queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, ...]) -> str:
     """Return the most important reason as a sentence."""
     if job.state == "held":
-        return f"job {job.id} is held until you run printer-slicer queue release {job.id}"
+        return f"job {job.id} is held until it is released"
     if job.state != "ready":
         message = f": {job.message}" if job.message else ""
         return f"job {job.id} is {job.state}{message}"
@@ -111,7 +127,7 @@ def _summarise(queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, .
     if not fitting:
         return f"no printer can print job {job.id}"
     if not is_supervised(queue):
-        return f"job {job.id} waits for a program that starts jobs: printer-slicer queue run"
+        return f"job {job.id} waits for a program that starts jobs"
     if free := [match.printer for match in fitting if not match.reasons]:
         return f"job {job.id} is about to start on {free[0]}"
     return f"job {job.id} waits for {' or '.join(match.printer for match in fitting)}"

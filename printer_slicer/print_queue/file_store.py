@@ -77,6 +77,29 @@ class FileStore:
             ) from None
         return stored
 
+    def contains(self, file_id: str) -> bool:
+        """Return whether content with this id is stored.
+
+        Raises:
+            UsageError: this cannot be an id.
+        """
+        return self.find_path(file_id).is_file()
+
+    def delete(self, file_id: str) -> None:
+        """Delete content, if it is stored.
+
+        Raises:
+            UsageError: this cannot be an id.
+            OutputError: it cannot be deleted.
+        """
+        try:
+            self.find_path(file_id).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(
+                f"the file cannot be deleted: {error.strerror or error}",
+                remedy=f"Check the permissions of {self._folder}",
+            ) from None
+
     def delete_interrupted_uploads(self) -> None:
         """Delete what interrupted uploads have left a day ago or earlier."""
         for path in self._incoming.glob("*"):

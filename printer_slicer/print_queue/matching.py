@@ -114,5 +114,5 @@ def find_obstacles(state: PrinterState) -> list[str]:
         return [f"it is printing job {state.job}"]
     if state.bed != "clear":
         known = "is occupied" if state.bed == "occupied" else "may be occupied"
-        return [f"its bed {known}: run printer-slicer queue clear-bed {state.name} when it is clear"]
+        return [f"its bed {known}"]
     return []

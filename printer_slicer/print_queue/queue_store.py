@@ -6,6 +6,7 @@ import json
 import sqlite3
 from collections.abc import Iterable, Sequence
 from contextlib import closing, suppress
+from itertools import islice
 from pathlib import Path
 from threading import Event as Flag
 from time import monotonic, time
@@ -128,6 +129,7 @@ class PrintQueue:
                 "ON CONFLICT (id) DO UPDATE SET name = excluded.name, added = excluded.added",
                 (stored.id, clean_name(name), stored.size, time()),
             )
+            self._require_content(stored.id)
         return self.find_file(stored.id)
 
     def find_file(self, file_id: str) -> QueuedFile:
@@ -142,9 +144,33 @@ class PrintQueue:
         return QueuedFile(*rows[0])
 
     def list_files(self, most: int = 1000) -> tuple[QueuedFile, ...]:
-        """Return the files that were added last, the newest first."""
-        statement = "SELECT id, name, size, added FROM file ORDER BY added DESC LIMIT ?"
-        return tuple(QueuedFile(*row) for row in self._database.read(statement, most))
+        """Return the files that were added last and not deleted, the newest first."""
+        rows = self._database.read("SELECT id, name, size, added FROM file ORDER BY added DESC")
+        stored = (QueuedFile(*row) for row in rows if self.files.contains(row["id"]))
+        return tuple(islice(stored, most))
+
+    def delete_file(self, file_id: str) -> None:
+        """Delete the content of a file; its name and facts stay for jobs that have ended.
+
+        Raises:
+            UsageError: there is no such file, or a job that has not ended needs it.
+            OutputError: it cannot be deleted.
+        """
+        name = self.find_file(file_id).name
+        needed = "SELECT id FROM job WHERE file = ? AND state IN ('held', 'ready', 'starting', 'printing')"
+        with self._database.transaction() as connection:
+            if row := connection.execute(needed, (file_id,)).fetchone():
+                raise UsageError(f"job {row['id']} needs {name}", remedy=f"Cancel job {row['id']} first")
+            self.files.delete(file_id)
+
+    def _require_content(self, file_id: str) -> None:
+        """Check that the content of a file is stored.
+
+        Raises:
+            UsageError: it was deleted.
+        """
+        if not self.files.contains(file_id):
+            raise UsageError(f"{self.find_file(file_id).name} was deleted", remedy="Add the file again")
 
     def read_facts(self, file_id: str) -> FileFacts | None:
         """Return what was read from a file; None if it has not been read yet."""
@@ -162,7 +188,8 @@ class PrintQueue:
         """Add a job for a file, or several with `copies`.
 
         Raises:
-            UsageError: there is no such file or printer, or the number of copies or a name of a finding is invalid.
+            UsageError: there is no such file or printer, the file was deleted, or the number of copies or a name of a
+                finding is invalid.
         """
         request = request or JobRequest()
         file = self.find_file(file_id)
@@ -180,6 +207,7 @@ class PrintQueue:
             "added": time(),
         }
         with self._database.transaction() as connection:
+            self._require_content(file_id)
             numbers = [_insert_job(connection, values) for _ in range(request.copies)]
             if request.first:
                 waiting = _read_order(connection)
@@ -235,11 +263,12 @@ class PrintQueue:
         """Make a job ready that is held, has failed or was cancelled; it keeps its place.
 
         Raises:
-            UsageError: the job does not exist, or is in another state.
+            UsageError: the job does not exist, is in another state, or its file was deleted.
         """
         with self._database.transaction() as connection:
             if _read_state(connection, job) in ACTIVE_STATES:
                 raise UsageError(f"job {job} is printing", remedy=_LIST_REMEDY)
+            self._require_content(self.find_job(job).file)
             _change_state(connection, job, "ready")
 
     def cancel_job(self, job: int) -> QueuedJob:

@@ -19,6 +19,7 @@ from printer_slicer.server.bodies import (
     Account,
     BedBody,
     CommandBody,
+    FileLayers,
     JobBody,
     JobDetails,
     KeyBody,
@@ -80,6 +81,16 @@ def _list_files(call: CheckedRequest) -> tuple[tuple[QueuedFile, FileFacts | Non
 def _get_file(call: CheckedRequest) -> tuple[QueuedFile, FileFacts]:
     file = call.services.queue.find_file(call.path["file"])
     return file, call.services.reader.read(file.id)
+
+
+def _delete_file(call: CheckedRequest) -> None:
+    call.access.require("print", _ANY_PRINTER)
+    call.services.queue.delete_file(call.path["file"])
+    call.services.reader.delete_pages(call.path["file"])
+
+
+def _list_layers(call: CheckedRequest) -> FileLayers:
+    return FileLayers(**call.services.reader.read_layers(call.path["file"]))
 
 
 def _add_jobs(call: CheckedRequest) -> tuple[QueuedJob, ...]:
@@ -217,6 +228,10 @@ OPERATIONS: Final = (
         _get_file,
         None,
         tuple[QueuedFile, FileFacts],
+    ),
+    Operation("DELETE", "/v1/files/{file}", "print", "delete a file that no waiting job needs", _delete_file),
+    Operation(
+        "GET", "/v1/files/{file}/layers", "read", "the layers of a file", _list_layers, None, FileLayers
     ),
     Operation(
         "GET", "/v1/slices", "read", "the models that were sliced", _list_slices, None, tuple[SliceTask, ...]

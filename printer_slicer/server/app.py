@@ -66,6 +66,7 @@ def make_app(services: Services) -> Starlette:
         Route("/v1/files", _upload_file, methods=["POST"]),
         Route("/v1/files/{file}/content", _download_file),
         Route("/v1/files/{file}/view", _view_file),
+        Route("/v1/files/{file}/preview", _send_preview),
         Route("/v1/slices", _slice_model, methods=["POST"]),
         Route("/v1/session", _sign_in, methods=["POST"]),
         Route("/v1/openapi.json", _describe_interface),
@@ -118,9 +119,12 @@ async def _find_readable_file(request: Request) -> QueuedFile:
     services: Services = request.app.state.services
     await run_in_threadpool(require_access, request, "read")
     try:
-        return await run_in_threadpool(services.queue.find_file, request.path_params["file"])
+        file = await run_in_threadpool(services.queue.find_file, request.path_params["file"])
     except PrinterSlicerError as error:
         raise make_problem_error(error, 404) from None
+    if not await run_in_threadpool(services.queue.files.contains, file.id):
+        raise ProblemError(404, f"{file.name} was deleted", "Upload the file again")
+    return file
 
 
 async def _download_file(request: Request) -> Response:
@@ -136,6 +140,14 @@ async def _view_file(request: Request) -> Response:
     page = await run_in_threadpool(request.app.state.services.reader.make_page, file.id)
     policy = f"{make_view_policy()}; frame-ancestors 'none'"
     return Response(page, media_type="text/html", headers={"content-security-policy": policy})
+
+
+async def _send_preview(request: Request) -> Response:
+    """Answer with the preview of a file, for viewers; it is always compressed."""
+    file = await _find_readable_file(request)
+    preview = await run_in_threadpool(request.app.state.services.reader.make_preview, file.id)
+    headers = {"content-encoding": "gzip"}
+    return Response(preview, media_type="application/octet-stream", headers=headers)
 
 
 async def _slice_model(request: Request) -> Response:

@@ -12,6 +12,7 @@ __all__ = [
     "Account",
     "BedBody",
     "CommandBody",
+    "FileLayers",
     "JobBody",
     "JobDetails",
     "KeyBody",
@@ -76,6 +77,24 @@ class Account(Struct, frozen=True):
     name: str
     scopes: tuple[Permission, ...]
     printer: str
+
+
+class FileLayers(Struct, frozen=True):
+    """The layers of a file in printing order, one row each.
+
+    Attributes:
+        first: first move in the preview.
+        z: top, mm.
+        height: mm.
+        seconds: time of the moves, s.
+        command: index of the command of the first move, among the commands of the file.
+    """
+
+    first: tuple[int, ...]
+    z: tuple[float, ...]
+    height: tuple[float, ...]
+    seconds: tuple[float, ...]
+    command: tuple[int, ...]
 
 
 class JobDetails(Struct, frozen=True):

@@ -1,11 +1,13 @@
 """Read uploaded files in processes of their own, with limits of time and memory, so that no file can stop the server.
 
-The process is `python -m printer_slicer.server.workers facts|page PATH NAME OUTPUT`; it writes the facts as
-JSON, or the page, to a file.
+The process is `python -m printer_slicer.server.workers facts|page|preview PATH NAME OUTPUT`; it writes the facts as
+JSON, the page, or the compressed preview to a file.
 """
 
 from __future__ import annotations
 
+import gzip
+import json
 import os
 import subprocess
 import sys
@@ -14,18 +16,22 @@ from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import BoundedSemaphore
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.errors import UsageError
 from printer_slicer.print_queue import FileFacts, PrintQueue
 from printer_slicer.print_queue.file_facts import format_facts, parse_facts, read_file_facts
 from printer_slicer.saving import save
 
+if TYPE_CHECKING:
+    from printer_slicer.preview import Preview
+
 __all__ = ["FileReader", "limit_process"]
 
 _MAX_SECONDS: Final = 900
 _MAX_BYTES: Final = 6 << 30
 _NICENESS: Final = 10
+_PREVIEW_ENDING: Final = "preview1.gz"  # with the number of the format
 
 
 class FileReader:
@@ -61,16 +67,48 @@ class FileReader:
         Raises:
             UsageError: there is no such file, or it cannot be shown.
         """
+        return self._make("page", file_id, "html").read_bytes()
+
+    def make_preview(self, file_id: str) -> bytes:
+        """Return the preview of a file, see `printer_slicer.preview.encoding`, compressed with gzip.
+
+        Raises:
+            UsageError: there is no such file, or it cannot be shown.
+        """
+        return self._make("preview", file_id, _PREVIEW_ENDING).read_bytes()
+
+    def read_layers(self, file_id: str) -> dict[str, Any]:
+        """Return the columns `first`, `z`, `height`, `seconds` and `command` of the layers of a file.
+
+        Raises:
+            UsageError: there is no such file, or it cannot be shown.
+        """
+        with gzip.open(self._make("preview", file_id, _PREVIEW_ENDING)) as preview:
+            length = int.from_bytes(preview.read(12)[8:], "little")
+            layers: dict[str, Any] = json.loads(preview.read(length))["layers"]
+        return layers
+
+    def delete_pages(self, file_id: str) -> None:
+        """Delete what was made of a file."""
+        for path in (self._queue.folder / "pages").glob(f"{file_id}-*"):
+            path.unlink(missing_ok=True)
+
+    def _make(self, what: str, file_id: str, ending: str) -> Path:
+        """Return the path of what was made of a file; it is kept for the next time.
+
+        Raises:
+            UsageError: there is no such file, or it cannot be shown.
+        """
         file = self._queue.find_file(file_id)
-        kept = self._queue.folder / "pages" / f"{file_id}-{_hash_text(file.name)}.html"
+        kept = self._queue.folder / "pages" / f"{file_id}-{_hash_text(file.name)}.{ending}"
         with self._free:
             if not kept.exists():
-                page, problem = _run_process("page", self._queue.files.find_path(file_id), file.name)
+                made, problem = _run_process(what, self._queue.files.find_path(file_id), file.name)
                 if problem:
                     raise UsageError(f"{file.name}: {problem}", remedy="Open it with printer-slicer view")
                 kept.parent.mkdir(exist_ok=True, mode=0o700)
-                save(kept, page)
-        return kept.read_bytes()
+                save(kept, made)
+        return kept
 
 
 def _hash_text(text: str) -> str:
@@ -105,15 +143,27 @@ def _wait_for(command: list[str]) -> str:
     return ""
 
 
-def _make_page(path: Path, name: str) -> bytes:
-    """Return the page that shows a file."""
+def _read_preview(path: Path, name: str) -> Preview:
+    """Return the preview of a file."""
     from printer_slicer.importing.gcode_files import read_gcode_settings  # noqa: PLC0415 - slow
     from printer_slicer.motion.rules import limits_of  # noqa: PLC0415 - slow
-    from printer_slicer.preview import make_view_page, read_preview  # noqa: PLC0415 - slow
+    from printer_slicer.preview import read_preview  # noqa: PLC0415 - slow
     from printer_slicer.profile import complete_profile  # noqa: PLC0415 - slow
 
     profile = complete_profile(dict(read_gcode_settings(path).values), {})
-    return make_view_page(read_preview(path.read_bytes(), name, limits_of(profile.printer)))
+    return read_preview(path.read_bytes(), name, limits_of(profile.printer))
+
+
+def _make_content(what: str, path: Path, name: str) -> bytes:
+    """Return the facts, the page or the preview of a file."""
+    from printer_slicer.preview import encode_preview, make_view_page  # noqa: PLC0415 - slow
+
+    if what == "facts":
+        return format_facts(read_file_facts(path, name)).encode()
+    preview = _read_preview(path, name)
+    if what == "page":
+        return make_view_page(preview)
+    return gzip.compress(encode_preview(preview), 9, mtime=0)
 
 
 def limit_process() -> None:
@@ -131,8 +181,4 @@ def limit_process() -> None:
 if __name__ == "__main__":
     limit_process()
     _, wanted, source, shown_name, target = sys.argv
-    if wanted == "page":
-        content = _make_page(Path(source), shown_name)
-    else:
-        content = format_facts(read_file_facts(Path(source), shown_name)).encode()
-    Path(target).write_bytes(content)
+    Path(target).write_bytes(_make_content(wanted, Path(source), shown_name))

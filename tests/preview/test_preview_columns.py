@@ -113,6 +113,7 @@ def columns(n_moves: int, n_layers: int) -> st.SearchStrategy[dict[str, Any]]:
             "layer_z": of_layer(300),
             "layer_height": of_layer(2),
             "layer_seconds": of_layer(1e5),
+            "layer_command": arrays(np.int64, n_layers, elements=st.integers(0, 10**9)),
         }
     )
 
@@ -150,7 +151,7 @@ def test_decoding_returns_the_moves_within_half_a_step(preview: Preview) -> None
         assert np.allclose(getattr(decoded, name), getattr(preview, name), rtol=0, atol=step * 0.501), name
     for name in ("name", "roles"):
         assert getattr(decoded, name) == getattr(preview, name)
-    for name in ("role", "tool", "first"):
+    for name in ("role", "tool", "first", "layer_command"):
         assert np.array_equal(getattr(decoded, name), getattr(preview, name))
 
 
@@ -180,5 +181,6 @@ def test_a_circle_takes_few_bytes() -> None:
         layer_z=np.ones(1),
         layer_height=np.ones(1),
         layer_seconds=np.ones(1),
+        layer_command=np.zeros(1),
     )
     assert len(gzip.compress(encode_preview(preview))) < 2.2 * n_moves

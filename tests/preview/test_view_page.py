@@ -71,6 +71,7 @@ def square(name: str) -> Preview:
         layer_z=np.array([0.2, 0.4]),
         layer_height=np.array([0.2, 0.2]),
         layer_seconds=np.ones(2),
+        layer_command=np.array([0, 4]),
     )
 
 

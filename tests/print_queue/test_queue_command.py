@@ -118,7 +118,9 @@ def test_the_queue_says_in_words_why_a_job_waits(queue: Typed) -> None:
         said[2] == "  right: its bed is occupied: run printer-slicer queue clear-bed right when it is clear"
     )
     queue("hold", 1)
-    assert queue("explain", 1).out.startswith("job 1 is held until you run printer-slicer queue release 1\n")
+    assert queue("explain", 1).out.startswith(
+        "job 1 is held until it is released: run printer-slicer queue release 1\n"
+    )
 
 
 def test_a_job_that_fits_nowhere_says_so(queue: Typed) -> None:
@@ -131,6 +133,7 @@ def test_a_job_that_fits_nowhere_says_so(queue: Typed) -> None:
         "printer": "left",
         "fits": False,
         "reasons": ["the job is for small"],
+        "remedy": "",
     }
 
 

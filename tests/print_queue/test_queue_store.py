@@ -316,3 +316,22 @@ def test_a_supervisor_tells_an_error_once_and_tries_again(queue: PrintQueue, tmp
 
     assert len(said) == 1
     assert "there are no printers" in said[0]
+
+
+def test_a_deleted_file_is_gone_until_it_is_added_again(queue: PrintQueue) -> None:
+    (job,) = add(queue)
+    (file,) = queue.list_files()
+    with pytest.raises(UsageError, match=f"job {job} needs part.gcode"):
+        queue.delete_file(file.id)
+    queue.cancel_job(job)
+    queue.delete_file(file.id)
+    assert queue.list_files() == ()
+    assert not queue.files.contains(file.id)
+    assert queue.find_file(file.id) == file
+    with pytest.raises(UsageError, match="was deleted"):
+        queue.add_jobs(file.id)
+    with pytest.raises(UsageError, match="was deleted"):
+        queue.release_job(job)
+    add(queue)
+    queue.release_job(job)
+    assert [one.id for one in queue.list_files()] == [file.id]

@@ -177,3 +177,19 @@ def test_a_file_is_saved_by_browsers_and_shown_by_the_viewer(server: ServerClien
     assert "<script>.gcode" not in shown.text
     assert server.get(f"/v1/files/{'0' * 64}/view").status_code == 404
     assert server.get("/v1/files/..%2f..%2faccess.db/content").status_code == 404
+
+
+def test_a_file_is_deleted_when_no_job_needs_it(server: ServerClient, queue: PrintQueue) -> None:
+    file, _ = server.post("/v1/files", **form(("file", "part.gcode", GCODE))).json()
+    address = f"/v1/files/{file['id']}"
+    (job,) = server.post("/v1/jobs", json={"file": file["id"]}).json()
+    assert server.get(f"{address}/layers").status_code == 200
+    refused = server.delete(address)
+    assert refused.status_code >= 400
+    assert f"job {job['id']} needs part.gcode" in refused.json()["detail"]
+    queue.cancel_job(job["id"])
+    assert server.delete(address).status_code == 204
+    assert server.get("/v1/files").json() == []
+    assert server.get(f"{address}/content").status_code == 404
+    assert server.get(f"/v1/jobs/{job['id']}").json()["file"] == file
+    assert not list((queue.folder / "pages").iterdir())

@@ -236,10 +236,12 @@ def _explain(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     from printer_slicer.print_queue import explain_job
 
     found = explain_job(queue, _parse_job(arguments.names[0]))
-    lines = [found.summary]
+    lines = [": ".join(filter(None, (found.summary, found.remedy)))]
     if found.job.state in {"held", "ready"}:
+        reasons = [("; ".join(one.reasons) or "ready to print it", one.remedy) for one in found.printers]
         lines += [
-            f"  {one.printer}: {'; '.join(one.reasons) or 'ready to print it'}" for one in found.printers
+            f"  {one.printer}: {': '.join(filter(None, said))}"
+            for one, said in zip(found.printers, reasons, strict=True)
         ]
     return print_result(arguments, as_dict(found), "\n".join(lines))
 

@@ -24,7 +24,7 @@
  * @property {Uint8Array} role index into roles
  * @property {Uint8Array} tool
  * @property {Role[]} roles
- * @property {{first: number[], z: number[], height: number[], seconds: number[]}} layers
+ * @property {{first: number[], z: number[], height: number[], seconds: number[], command: number[]}} layers
  */
 
 /** Roles before this one are moves without extrusion. */
