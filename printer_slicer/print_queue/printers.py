@@ -34,6 +34,7 @@ SERVER_KINDS: Final = ("octoprint", "moonraker", "prusalink", "duet")
 """Kinds of print servers, as in `sending.SERVERS`, whose module is slow to import."""
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_WEBCAM: Final = re.compile(r"https?://[A-Za-z0-9.-]+(:\d{1,5})?(/[!-~]*)?")
 _SERVER_EXAMPLE: Final = '"octoprint:http://octopi.local"'
 _EXAMPLE: Final = '[left]\\nport = "/dev/ttyUSB0"\\nprofile = "prusa_mk4"'
 
@@ -52,6 +53,8 @@ class PrinterEntry(Struct, frozen=True, kw_only=True):
         guard: time after which a second process switches the heaters off if the print process has died, s.
         key_file: of a print server, file with its API key or password; empty: none.
         user: of a print server, user name that belongs to the password.
+        webcam: address of a picture or MJPEG stream that browsers load; empty: none.
+        webcam_interval: time between two pictures, s; 0: the address is a stream.
         speed: of a simulated printer, simulated seconds per second; 0: as fast as possible.
     """
 
@@ -65,6 +68,8 @@ class PrinterEntry(Struct, frozen=True, kw_only=True):
     guard: float = 120.0
     key_file: str = ""
     user: str = ""
+    webcam: str = ""
+    webcam_interval: float = 0.0
     speed: float = 1.0
 
     @property
@@ -89,6 +94,8 @@ _TYPES: Final[Mapping[str, type]] = {
     "guard": float,
     "key_file": str,
     "user": str,
+    "webcam": str,
+    "webcam_interval": float,
     "speed": float,
 }
 _REQUIRED: Final = ("port", "profile")
@@ -172,6 +179,11 @@ def _parse_entry(name: str, table: object) -> PrinterEntry:
         raise UsageError(
             f"{name}: speed is for simulated printers only",
             remedy=f'Remove it, or set port = "{SIMULATED}"',
+        )
+    if values.get("webcam") and not _WEBCAM.fullmatch(values["webcam"]):
+        raise UsageError(
+            f"{name}: webcam is not an address of a picture or stream",
+            remedy='Set it to an address such as "http://octopi.local/webcam/?action=stream"',
         )
     entry = PrinterEntry(name=name, **values)
     if entry.server is None and (given := [key for key in ("key_file", "user") if key in values]):

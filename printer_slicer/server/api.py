@@ -26,9 +26,12 @@ from printer_slicer.server.bodies import (
     MaterialBody,
     MoveBody,
     NewKey,
+    PrinterInfo,
+    ProfileNames,
 )
 from printer_slicer.server.operations import CheckedRequest, Operation
 from printer_slicer.server.slicing import SliceTask
+from printer_slicer.server.temperatures import TemperatureSample
 from printer_slicer.values import replace
 
 __all__ = ["OPERATIONS"]
@@ -152,6 +155,23 @@ def _cancel_job(call: CheckedRequest) -> QueuedJob:
     return call.services.queue.cancel_job(_find_own_job(call).id)
 
 
+def _list_profiles(_: CheckedRequest) -> ProfileNames:
+    from printer_slicer.profile.folders import find_profile_paths  # noqa: PLC0415 - slow
+
+    return ProfileNames(*(tuple(find_profile_paths(kind)) for kind in ("printer", "material", "quality")))
+
+
+def _list_printers(call: CheckedRequest) -> tuple[PrinterInfo, ...]:
+    entries = call.services.queue.list_printers()
+    return tuple(
+        PrinterInfo(one.name, one.profile, one.groups, one.webcam, one.webcam_interval) for one in entries
+    )
+
+
+def _list_temperatures(call: CheckedRequest) -> tuple[TemperatureSample, ...]:
+    return call.services.temperatures.list_samples(call.path["printer"])
+
+
 def _set_bed(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
     call.access.require("control", printer)
@@ -246,6 +266,25 @@ OPERATIONS: Final = (
     Operation("DELETE", f"{_JOB}/hold", "print", "release a job", _release_job, None, QueuedJob),
     Operation(
         "DELETE", _JOB, "print", "cancel a job, also while it is printed", _cancel_job, None, QueuedJob
+    ),
+    Operation("GET", "/v1/profiles", "read", "names of the profiles", _list_profiles, None, ProfileNames),
+    Operation(
+        "GET",
+        "/v1/printers",
+        "read",
+        "what printers.toml says of the printers",
+        _list_printers,
+        None,
+        tuple[PrinterInfo, ...],
+    ),
+    Operation(
+        "GET",
+        f"{_PRINTER}/temperatures",
+        "read",
+        "temperatures of the last 24 hours",
+        _list_temperatures,
+        None,
+        tuple[TemperatureSample, ...],
     ),
     Operation(
         "PUT", f"{_PRINTER}/bed", "control", "declare the state of a bed", _set_bed, BedBody, QueueSnapshot

@@ -40,7 +40,7 @@ from printer_slicer.server.operations import (
 from printer_slicer.server.problems import Problem, ProblemError, make_problem_error, respond_with_problem
 from printer_slicer.server.receiving import receive_upload
 from printer_slicer.server.services import Services
-from printer_slicer.server.slicing import MODEL_ENDINGS, SliceRequest, SliceTask
+from printer_slicer.server.slicing import MODEL_ENDINGS, SliceCommand, SliceRequest, SliceTask
 from printer_slicer.server.uploads import FormReader
 
 __all__ = ["make_app"]
@@ -68,6 +68,7 @@ def make_app(services: Services) -> Starlette:
         Route("/v1/files/{file}/view", _view_file),
         Route("/v1/files/{file}/preview", _send_preview),
         Route("/v1/slices", _slice_model, methods=["POST"]),
+        Route("/v1/plans", _plan_model, methods=["POST"]),
         Route("/v1/session", _sign_in, methods=["POST"]),
         Route("/v1/openapi.json", _describe_interface),
         Route("/sign-in", _open_link),
@@ -152,14 +153,24 @@ async def _send_preview(request: Request) -> Response:
 
 async def _slice_model(request: Request) -> Response:
     """Slice a model that arrives in a form; the other fields are those of `SliceRequest`, settings as JSON."""
+    return await _add_task(request, "slice")
+
+
+async def _plan_model(request: Request) -> Response:
+    """Compare the layer plans of a model; the form is that of `/v1/slices`."""
+    return await _add_task(request, "plan")
+
+
+async def _add_task(request: Request, command: SliceCommand) -> Response:
+    """Add a task for a model that arrives in a form."""
     services: Services = request.app.state.services
     await run_in_threadpool(require_access, request, "upload")
-    task = await receive_upload(request, lambda form: _add_slice(services, form))
+    task = await receive_upload(request, lambda form: _store_model(services, form, command))
     return Response(encode_json(task), 201, media_type="application/json")
 
 
-def _add_slice(services: Services, form: FormReader) -> SliceTask:
-    """Store a model in a folder of its own, and add a task that slices it."""
+def _store_model(services: Services, form: FormReader, command: SliceCommand) -> SliceTask:
+    """Store a model in a folder of its own, and add a task for it."""
     name = form.find_file()
     ending = next((one for one in MODEL_ENDINGS if name.lower().endswith(one)), "")
     if not ending:
@@ -176,7 +187,7 @@ def _add_slice(services: Services, form: FormReader) -> SliceTask:
         settings = decode_json((fields.get("settings") or "{}").encode(), dict[str, str])
         copies = decode_json((fields.get("copies") or "1").encode(), int)
         wanted = SliceRequest(fields.get("printer", ""), fields.get("quality", ""), settings, copies)
-        return services.slicer.add(model, name, wanted)
+        return services.slicer.add(model, name, wanted, command)
     except BaseException as error:
         rmtree(folder, ignore_errors=True)
         if isinstance(error, ValueError):

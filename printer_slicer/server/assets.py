@@ -9,17 +9,23 @@ from __future__ import annotations
 
 import gzip
 import re
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from typing import Final
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.javascript_modules import join_modules
+from printer_slicer.print_queue.printers import PrinterEntry
+from printer_slicer.server.guard import make_page_policy
 from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
 __all__ = ["ASSET_ROUTES", "Asset", "load_assets"]
@@ -83,12 +89,23 @@ async def _serve_asset(request: Request) -> Response:
     if asset is None:
         raise ProblemError(404, "the page has no such file", "Load the page again")
     headers = {"etag": asset.etag, "cache-control": asset.caching, "vary": "accept-encoding"}
+    if request.url.path == "/":
+        headers["content-security-policy"] = await run_in_threadpool(_make_policy, request)
     if asset.etag in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers["content-encoding"] = "gzip"
         return Response(asset.compressed, headers=headers, media_type=asset.kind)
     return Response(asset.content, headers=headers, media_type=asset.kind)
+
+
+def _make_policy(request: Request) -> str:
+    """Return the content security policy of the page: its pictures may come from the webcams of the printers."""
+    services: Services = request.app.state.services
+    entries: tuple[PrinterEntry, ...] = ()
+    with suppress(PrinterSlicerError):  # printers.toml is invalid at the moment
+        entries = services.queue.list_printers()
+    return make_page_policy(one.webcam for one in entries if one.webcam)
 
 
 ASSET_ROUTES: Final = (Route("/", _serve_asset), Route("/page/{name}", _serve_asset))

@@ -19,6 +19,8 @@ __all__ = [
     "MaterialBody",
     "MoveBody",
     "NewKey",
+    "PrinterInfo",
+    "ProfileNames",
 ]
 
 
@@ -95,6 +97,24 @@ class FileLayers(Struct, frozen=True):
     height: tuple[float, ...]
     seconds: tuple[float, ...]
     command: tuple[int, ...]
+
+
+class ProfileNames(Struct, frozen=True):
+    """The names of the profiles of each kind, sorted."""
+
+    printer: tuple[str, ...]
+    material: tuple[str, ...]
+    quality: tuple[str, ...]
+
+
+class PrinterInfo(Struct, frozen=True):
+    """What printers.toml says of a printer, without its port."""
+
+    name: str
+    profile: str
+    groups: tuple[str, ...]
+    webcam: str
+    webcam_interval: float
 
 
 class JobDetails(Struct, frozen=True):

@@ -13,6 +13,7 @@ from collections import deque
 from contextlib import suppress
 from threading import Event as Flag
 from threading import Lock, Thread
+from time import time
 from typing import Any, Final
 
 from printer_slicer.errors import PortError, PrinterSlicerError
@@ -177,6 +178,8 @@ class Feed:
                         with self._lock:
                             watched.add(message)
                             self._notify()
+                        temperatures = watched.status.get("temperatures", {})
+                        self._services.temperatures.add(watched.run.printer, temperatures, time())
             except (PortError, OSError, ValueError):
                 pass  # the print has not opened its socket yet, or has ended
             pause.wait(_RETRY)

@@ -7,7 +7,7 @@ page can add. The list of hosts stops other sites that let their own name point 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from ipaddress import ip_address
 from typing import Final
 from urllib.parse import urlsplit
@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from printer_slicer.server.problems import Problem, respond_with_problem
 from printer_slicer.values import Struct
 
-__all__ = ["PAGE_HEADER", "GuardSettings", "RequestGuard", "check_same_origin"]
+__all__ = ["PAGE_HEADER", "GuardSettings", "RequestGuard", "check_same_origin", "make_page_policy"]
 
 PAGE_HEADER: Final = "x-printer-slicer"
 """Header of requests that scripts of the page send; other sites cannot add it."""
@@ -38,6 +38,14 @@ _HEADERS: Final[Mapping[str, str]] = {
     ),
     "cache-control": "no-store",
 }
+
+
+def make_page_policy(pictures: Iterable[str]) -> str:
+    """Return the content security policy of the page, which shows pictures from these addresses, too."""
+    origins = sorted({"{0.scheme}://{0.netloc}".format(urlsplit(one)) for one in pictures})
+    return _HEADERS["content-security-policy"].replace(
+        " blob:;", f"{''.join(f' {one}' for one in ['blob:', *origins])};"
+    )
 
 
 class GuardSettings(Struct, frozen=True):

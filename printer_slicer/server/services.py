@@ -12,6 +12,7 @@ from printer_slicer.server.access import AccessStore
 from printer_slicer.server.guard import GuardSettings
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.slicing import Slicer
+from printer_slicer.server.temperatures import TemperatureHistory
 from printer_slicer.server.workers import FileReader
 
 __all__ = ["Services"]
@@ -31,6 +32,7 @@ class Services:
         self.queue, self.access, self.guard, self.job_store = queue, access, guard, job_store
         self.reader = FileReader(queue)
         self.slicer = Slicer(queue, self.reader)
+        self.temperatures = TemperatureHistory()
 
     def send_command(self, printer: str, command: str) -> dict[str, Any]:
         """Send a command to the print that runs on a printer, and return its answer.

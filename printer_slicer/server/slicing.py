@@ -1,7 +1,7 @@
-"""Slice models that were uploaded: one task after the other, each in a process with limits.
+"""Slice models that were uploaded, or compare their layer plans: one task after the other, in processes with limits.
 
-The process runs the command `slice`, so a model becomes the same G-code as on the command line. Its messages tell the
-stage; its result are files in the store of the queue.
+The process runs the command `slice` or `plan`, so a model becomes the same G-code as on the command line. Its messages
+tell the stage; the result of `slice` are files in the store of the queue.
 """
 
 from __future__ import annotations
@@ -26,10 +26,12 @@ from printer_slicer.print_queue.records import clean_name
 from printer_slicer.server.workers import FileReader
 from printer_slicer.values import Struct, replace
 
-__all__ = ["MODEL_ENDINGS", "SliceRequest", "SliceTask", "Slicer"]
+__all__ = ["MODEL_ENDINGS", "SliceCommand", "SliceRequest", "SliceTask", "Slicer"]
 
 MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 """Endings of the names of models."""
+
+SliceCommand = Literal["slice", "plan"]
 
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
@@ -54,22 +56,24 @@ class SliceRequest(Struct, frozen=True):
 
 
 class SliceTask(Struct, frozen=True):
-    """A model that is sliced.
+    """A model that is sliced, or whose layer plans are compared.
 
     Attributes:
         id: random text.
         name: name of the model.
         printer: name of the printer.
+        command: `slice` or `plan`.
         state: `waiting`, `slicing`, `done`, `failed` or `cancelled`.
         stage: what it does at the moment, such as `planning`.
         message: what went wrong, or the warnings, one per line.
         files: ids of the G-code files, one per plate.
-        facts: what `slice --json` tells.
+        facts: what the command tells with `--json`; of `plan`, the member `plans`.
     """
 
     id: str
     name: str
     printer: str
+    command: SliceCommand = "slice"
     state: Literal["waiting", "slicing", "done", "failed", "cancelled"] = "waiting"
     stage: str = ""
     message: str = ""
@@ -99,14 +103,16 @@ class Slicer:
             self.cancel(task.id)
         self._pool.shutdown()
 
-    def add(self, model: Path, name: str, request: SliceRequest) -> SliceTask:
+    def add(
+        self, model: Path, name: str, request: SliceRequest, command: SliceCommand = "slice"
+    ) -> SliceTask:
         """Add a task for a model in a folder of its own, which is deleted afterwards.
 
         Raises:
             UsageError: there is no such printer, or a setting has an impossible name.
         """
         arguments = self._list_arguments(request)
-        task = SliceTask(secrets.token_hex(8), clean_name(name), request.printer)
+        task = SliceTask(secrets.token_hex(8), clean_name(name), request.printer, command)
         with self._lock:
             while len(self._tasks) >= _MAX_TASKS:
                 ended = (key for key, one in self._tasks.items() if one.state not in {"waiting", "slicing"})
@@ -184,7 +190,7 @@ class Slicer:
         """Slice a model, and store the G-code."""
         try:
             if self._change(task, state="slicing", stage="starting"):
-                self._slice(task, model, arguments)
+                self._work(task, model, arguments)
         except Exception as error:  # noqa: BLE001 - a fault of one task must not stop the others
             self._change(task, state="failed", stage="", message=f"the server has a fault: {error}")
         finally:
@@ -192,40 +198,36 @@ class Slicer:
                 self._processes.pop(task, None)
             rmtree(model.parent, ignore_errors=True)
 
-    def _slice(self, task: str, model: Path, arguments: Sequence[str]) -> None:
-        """Run the command, follow its stages, and store what it wrote."""
+    def _work(self, task: str, model: Path, arguments: Sequence[str]) -> None:
+        """Run the command of a task, and store its result."""
+        found = self.find(task)
         output = model.parent / "sliced"
         output.mkdir()
-        words = [
-            "slice",
-            str(model),
-            "-o",
-            f"{output}/{model.stem}.gcode",
-            *(f"--{name}" for name in ("json", "verbose")),
-            *arguments,
-        ]
+        written = ["-o", f"{output}/{model.stem}.gcode"] if found.command == "slice" else []
+        words = [found.command, str(model), *written, "--json", "--verbose", *arguments]
+        code, text, facts = self._run_command(task, words)
+        text = text.replace(str(model), found.name)
+        if code:
+            text = text.removeprefix("printer-slicer: ") or "the model needs more time or memory than allowed"
+            self._change(task, state="failed", stage="", message=text)
+            return
+        told = json.loads(facts or "{}")
+        if found.command == "plan":
+            told = {"plans": told["plans"]}
+        paths = sorted(output.iterdir())
+        files = tuple(self._store(path, len(paths), found.name) for path in paths)
+        self._change(task, state="done", stage="", files=files, facts=told, message=text)
+
+    def _run_command(self, task: str, words: Sequence[str]) -> tuple[int, str, str]:
+        """Run a command, and follow its stages; return its exit code, its other messages, and its output."""
         command = [sys.executable, "-m", "printer_slicer.server.limited_command", *words]
         pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         with subprocess.Popen(command, text=True, errors="replace", **pipes) as process:  # type: ignore[call-overload] # noqa: S603 - no shell
             with self._lock:
                 self._processes[task] = process
             messages = self._follow(task, process)
-            facts = process.stdout.read()
-        name = self.find(task).name
-        if process.returncode:
-            said = "\n".join(messages).replace(str(model), name).removeprefix("printer-slicer: ")
-            text = said or "the model needs more time or memory than allowed"
-            self._change(task, state="failed", stage="", message=text)
-            return
-        files = [self._store(path, len(list(output.iterdir())), name) for path in sorted(output.iterdir())]
-        self._change(
-            task,
-            state="done",
-            stage="",
-            files=tuple(files),
-            facts=json.loads(facts or "{}"),
-            message="\n".join(messages).replace(str(model), name),
-        )
+            output = process.stdout.read()
+        return process.returncode, "\n".join(messages), output
 
     def _follow(self, task: str, process: Any) -> list[str]:
         """Note each stage that the command reports; return its other messages."""

@@ -92,3 +92,25 @@ def test_a_task_can_be_cancelled(server: ServerClient, tmp_path: Path) -> None:
     task = server.post("/v1/slices", **sent).json()["id"]
     assert server.delete(f"/v1/slices/{task}").json()["state"] == "cancelled"
     assert wait_for_end(server, task)["state"] == "cancelled"
+
+
+def test_the_layer_plans_of_a_model_are_compared(
+    server: ServerClient, queue: PrintQueue, tmp_path: Path
+) -> None:
+    sent = form(("printer", None, b"left"), ("file", "a.stl", model(tmp_path)))
+    task = wait_for_end(server, server.post("/v1/plans", **sent).json()["id"])
+    assert (task["state"], task["command"]) == ("done", "plan"), task
+    plans = task["facts"]["plans"]
+    assert len(plans) >= 2
+    assert {"plan", "layers", "seconds", "max_error_mm"} <= set(plans[0])
+    assert (task["files"], queue.list_files()) == ([], ())
+
+
+def test_the_profiles_and_printers_have_names(server: ServerClient) -> None:
+    profiles = server.get("/v1/profiles").json()
+    assert "marlin_220" in profiles["printer"]
+    assert {"pla", "petg"} <= set(profiles["material"])
+    assert {"standard", "draft"} <= set(profiles["quality"])
+    printers = server.get("/v1/printers").json()
+    assert [one["name"] for one in printers] == ["left", "right"]
+    assert "port" not in printers[0]
