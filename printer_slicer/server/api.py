@@ -19,13 +19,13 @@ from printer_slicer.server.bodies import (
     Account,
     BedBody,
     CommandBody,
-    FileLayers,
     JobBody,
     JobDetails,
     KeyBody,
     MaterialBody,
     MoveBody,
     NewKey,
+    PreviewLayers,
     PrinterInfo,
     ProfileNames,
 )
@@ -92,8 +92,8 @@ def _delete_file(call: CheckedRequest) -> None:
     call.services.reader.delete_pages(call.path["file"])
 
 
-def _list_layers(call: CheckedRequest) -> FileLayers:
-    return FileLayers(**call.services.reader.read_layers(call.path["file"]))
+def _list_layers(call: CheckedRequest) -> PreviewLayers:
+    return PreviewLayers(**call.services.reader.read_layers(call.path["file"]))
 
 
 def _add_jobs(call: CheckedRequest) -> tuple[QueuedJob, ...]:
@@ -251,7 +251,7 @@ OPERATIONS: Final = (
     ),
     Operation("DELETE", "/v1/files/{file}", "print", "delete a file that no waiting job needs", _delete_file),
     Operation(
-        "GET", "/v1/files/{file}/layers", "read", "the layers of a file", _list_layers, None, FileLayers
+        "GET", "/v1/files/{file}/layers", "read", "the layers of a file", _list_layers, None, PreviewLayers
     ),
     Operation(
         "GET", "/v1/slices", "read", "the models that were sliced", _list_slices, None, tuple[SliceTask, ...]

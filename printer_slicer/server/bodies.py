@@ -12,13 +12,13 @@ __all__ = [
     "Account",
     "BedBody",
     "CommandBody",
-    "FileLayers",
     "JobBody",
     "JobDetails",
     "KeyBody",
     "MaterialBody",
     "MoveBody",
     "NewKey",
+    "PreviewLayers",
     "PrinterInfo",
     "ProfileNames",
 ]
@@ -81,7 +81,7 @@ class Account(Struct, frozen=True):
     printer: str
 
 
-class FileLayers(Struct, frozen=True):
+class PreviewLayers(Struct, frozen=True):
     """The layers of a file in printing order, one row each.
 
     Attributes:
