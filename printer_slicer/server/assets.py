@@ -1,8 +1,9 @@
 """The files of the web page: read once, compressed once, and served with a hash of their content in the address.
 
-The page is written as small modules that import each other by name. They are served as one script, each module after
-those it imports and without the words `import` and `export`, so that the page needs few requests. Their names at the
-top level are therefore unique, and they import and export in two simple forms only.
+The page is written as small modules that import each other by name, and those of the viewer that draw layers. They are
+served as one script, each module after those it imports, without the words `import` and `export` and without comments of
+documentation, so that the page is small and needs few requests. Their names at the top level are therefore unique, and
+they import and export in two simple forms only.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from starlette.routing import Route
 
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.javascript_modules import join_modules
+from printer_slicer.preview.viewer_files import read_viewer_file
 from printer_slicer.print_queue.printers import PrinterEntry
 from printer_slicer.server.guard import make_page_policy
 from printer_slicer.server.problems import ProblemError
@@ -31,6 +33,8 @@ from printer_slicer.values import Struct
 __all__ = ["ASSET_ROUTES", "Asset", "load_assets"]
 
 _FIRST_MODULE: Final = "main.js"
+_VIEWER_MODULES: Final = frozenset({"flat_window.js", "layer_view.js", "preview.js"})
+_COMMENT: Final = re.compile(r"^[ \t]*/\*\*.*?\*/\n", re.MULTILINE | re.DOTALL)
 _FOREVER: Final = "public, max-age=31536000, immutable"
 
 
@@ -56,7 +60,7 @@ class Asset(Struct, frozen=True):
 def load_assets() -> dict[str, Asset]:
     """Return the files of the page by address: `/`, the script and the style."""
     script, style = (
-        join_modules(_read_page_file, _FIRST_MODULE).encode(),
+        _COMMENT.sub("", join_modules(_read_module, _FIRST_MODULE)).encode(),
         _read_page_file("page.css").encode(),
     )
     addresses = {"script": f"/page/{_hash(script)}.js", "style": f"/page/{_hash(style)}.css"}
@@ -81,6 +85,11 @@ def _hash(content: bytes) -> str:
 def _read_page_file(name: str) -> str:
     """Return the text of a file in `page/`."""
     return files("printer_slicer.server").joinpath("page", name).read_text("utf-8")
+
+
+def _read_module(name: str) -> str:
+    """Return the text of a module of the page or of the viewer."""
+    return read_viewer_file(name) if name in _VIEWER_MODULES else _read_page_file(name)
 
 
 async def _serve_asset(request: Request) -> Response:

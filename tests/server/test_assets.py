@@ -78,7 +78,10 @@ def test_modules_say_what_they_are_and_are_used(name: str) -> None:
     assert text.startswith("/**\n * ")
     assert "\t" not in text
     script = next(asset for address, asset in load_assets().items() if address.endswith(".js"))
-    assert text.splitlines()[1] in script.content.decode()
+    joined = script.content.decode()
+    assert not re.search(r"^ */\*\*", joined, re.MULTILINE)
+    for one in re.findall(r"^(?:export )?(?:async )?(?:function|const|class) (\w+)", text, re.MULTILINE):
+        assert re.search(rf"^(?:async )?(?:function|const|class) {one}\b", joined, re.MULTILINE), one
     for names, _ in re.findall(r'^import \{ ([^}]*) \} from "\./([a-z_]+\.js)";$', text, re.MULTILINE):
         for one in names.split(", "):
             assert len(re.findall(rf"\b{one}\b", text)) > 1, f"{name} imports {one} and does not use it"

@@ -11,7 +11,8 @@ import { EXTRUSION, JUMP, RETRACTION, TRAVEL, WIDTH_STEP, endOfLayer } from "./p
  * @property {boolean} travels
  * @property {boolean} retractions
  * @property {boolean} seams
- * @property {{faint: string, seam: string}} ink colours of the page
+ * @property {{faint: string, seam: string, rest?: string}} ink colours of the page; `rest` is that of the moves of the
+ *   layer after `end`, which are not drawn without it
  */
 
 const INNER = 0.8; // fraction of the width between the dark edges, by which neighbours are told apart
@@ -45,6 +46,7 @@ export function drawLayer(context, preview, view, picture) {
     drawExtrusions(pen, preview, first[layer - 1], endOfLayer(preview, layer - 1), () => picture.ink.faint, false);
   }
   const { index, palette } = colouring;
+  if (picture.ink.rest) drawExtrusions(pen, preview, end, endOfLayer(preview, layer), () => picture.ink.rest, false);
   drawExtrusions(pen, preview, first[layer], end, (move) => palette[index[move]], true);
   if (picture.travels) drawTravels(pen, preview, first[layer], end);
   if (picture.retractions) drawMarks(pen, preview, listRetractions(preview, first[layer], end));

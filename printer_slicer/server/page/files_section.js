@@ -1,10 +1,11 @@
 /**
  * Files of G-code that can be printed.
  */
-import { submitWith } from "./buttons.js";
-import { make, makeCheckbox, makeField, makeList, setShown, setText } from "./elements.js";
+import { makeConfirmedButton } from "./buttons.js";
+import { make, makeList, setShown, setText } from "./elements.js";
 import { makeUpload } from "./file_upload.js";
 import { formatFacts, formatSize, formatTime } from "./formats.js";
+import { makeJobForm } from "./job_form.js";
 import { tell, tellError } from "./messages.js";
 import { request } from "./requests.js";
 import { allows, known } from "./status.js";
@@ -13,7 +14,7 @@ import { allows, known } from "./status.js";
 export function makeFilesSection() {
   const list = make("ul", { class: "plain" });
   const empty = make("p", { hidden: true }, "There are no files yet.");
-  const showFiles = makeList(list, ([file]) => file.id, makeFileRow);
+  const showFiles = makeList(list, ([file]) => file.id, (entry) => makeFileRow(entry, load));
   let revision = -1;
 
   const load = async () => {
@@ -34,8 +35,8 @@ export function makeFilesSection() {
   };
 }
 
-/** Return the row of a file, with the form that adds jobs for it. */
-function makeFileRow([file]) {
+/** Return the row of a file, with the form that adds jobs for it; `reload` shows the files again. */
+function makeFileRow([file], reload) {
   const title = make("h3", {});
   const figures = make("p", { class: "hint" });
   const facts = make("p", {});
@@ -43,7 +44,12 @@ function makeFileRow([file]) {
   const address = `/v1/files/${file.id}`;
   const view = make("a", { class: "button", href: `${address}/view`, target: "_blank", rel: "noopener" }, "Look at it");
   const save = make("a", { class: "button", href: `${address}/content` }, "Save");
-  const links = make("div", { class: "row" }, view, save);
+  const remove = makeConfirmedButton("Delete", "Press again to delete", async () => {
+    await request("DELETE", address);
+    tell(`${file.name} is deleted`);
+    await reload();
+  });
+  const links = make("div", { class: "row" }, view, save, remove);
   return {
     element: make("li", { class: "card" }, title, facts, figures, links, form.element),
     show([now, itsFacts]) {
@@ -51,44 +57,12 @@ function makeFileRow([file]) {
       view.setAttribute("aria-label", `Look at ${now.name}`);
       save.setAttribute("aria-label", `Save ${now.name}`);
       setShown(view, !itsFacts?.problem);
+      setShown(remove, allows("print") && !known.account?.printer);
       setText(facts, formatFacts(itsFacts));
       facts.classList.toggle("warning", Boolean(itsFacts?.problem));
       setText(figures, `${formatSize(now.size)}, added ${formatTime(now.added)}`);
       setShown(form.element, allows("print") && !itsFacts?.problem);
       form.showPrinters();
-    },
-  };
-}
-
-/** Return the form that adds jobs for a file. */
-function makeJobForm(file) {
-  const printer = make("select", {});
-  const copies = make("input", { type: "number", min: 1, max: 99, step: 1, value: 1, required: true });
-  const held = makeCheckbox("Hold until released");
-  const first = makeCheckbox("Before all others");
-  const submit = make("button", { type: "submit", class: "main", "aria-label": `Print ${file.name}` }, "Print");
-  const fields = make("div", { class: "row" }, makeField("Printer", printer), makeField("Copies", copies));
-  const options = make("details", { class: "grow" }, make("summary", {}, "Options"), fields, held.element, first.element);
-  const element = make("form", { class: "row top" }, submit, options);
-  submitWith(element, async () => {
-    const jobs = await request("POST", "/v1/jobs", {
-      file: file.id,
-      printer: printer.value,
-      copies: copies.valueAsNumber,
-      held: held.input.checked,
-      first: first.input.checked,
-    });
-    tell(`${file.name} is in the queue as job ${jobs.map((job) => job.id).join(", ")}`);
-  });
-  return {
-    element,
-    /** Offer the printers that exist now. */
-    showPrinters() {
-      const names = (known.queue?.printers ?? []).map((one) => one.name);
-      if (printer.dataset.shown === names.join("\n")) return;
-      printer.dataset.shown = names.join("\n");
-      const choices = names.map((name) => make("option", { value: name }, name));
-      printer.replaceChildren(make("option", { value: "" }, "any that fits"), ...choices);
     },
   };
 }

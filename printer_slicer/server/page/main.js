@@ -8,6 +8,7 @@ import { makeFilesSection } from "./files_section.js";
 import { formatTime } from "./formats.js";
 import { makeHistorySection } from "./history_section.js";
 import { messages, tellError } from "./messages.js";
+import { makeNewJobSection } from "./new_job_section.js";
 import { makePrintersSection } from "./printers_section.js";
 import { makeQueueSection } from "./queue_section.js";
 import { makeSettingsSection } from "./settings_section.js";
@@ -19,8 +20,8 @@ const RETRY = 3000; // ms
 /** Make the page, and keep it up to date. */
 function openPage() {
   applyAppearance();
-  const sections = [makePrintersSection(), makeQueueSection(), makeFilesSection(), makeHistorySection(), makeSettingsSection()];
-  const links = sections.map((section) => make("a", { href: `#${section.title.toLowerCase()}` }, section.title));
+  const sections = [makePrintersSection(), makeNewJobSection(), makeQueueSection(), makeFilesSection(), makeHistorySection(), makeSettingsSection()];
+  const links = sections.map((section) => make("a", { href: `#${section.title.toLowerCase().replace(" ", "-")}` }, section.title));
   const navigation = make("nav", { "aria-label": "Sections" }, ...links);
   const connection = make("p", { class: "connection", role: "status" });
   const heading = make("h2", { tabIndex: -1 });

@@ -4,13 +4,18 @@
 import { makeButton } from "./buttons.js";
 import { make, makeList, setShown, setText } from "./elements.js";
 import { findNextJob } from "./explanations.js";
+import { formatDuration, formatTime } from "./formats.js";
+import { makeLiveLayers } from "./live_layers.js";
 import { tell } from "./messages.js";
+import { loadLayers } from "./preview_store.js";
+import { followProgress } from "./print_progress.js";
 import { makeConsole, sendCommand } from "./printer_console.js";
 import { makeControls } from "./printer_controls.js";
 import { request } from "./requests.js";
 import { allows, known } from "./status.js";
 import { makeTemperatureChart } from "./temperature_chart.js";
 import { nameHeater } from "./temperature_history.js";
+import { makeWebcam } from "./webcam.js";
 
 const BED_TEXTS = {
   clear: "Bed is clear",
@@ -31,6 +36,8 @@ export function makePrinterCard({ name }) {
   const bed = makeBed(name);
   const controls = makeControls(send);
   const log = makeConsole(name, send);
+  const layers = makeLiveLayers();
+  const findProgress = makeProgress();
   const chart = makeTemperatureChart(name);
   const chartRow = make("details", { open: true, ontoggle: () => chart.show() }, make("summary", {}, "Temperatures"), parts.heaters, chart.element);
   const element = make(
@@ -41,6 +48,8 @@ export function makePrinterCard({ name }) {
     parts.work,
     bed.element,
     controls.element,
+    layers.element,
+    makeWebcam(name),
     chartRow,
     log.element,
   );
@@ -49,7 +58,9 @@ export function makePrinterCard({ name }) {
     show(printer) {
       const print = known.prints.get(name);
       const job = known.queue.jobs.find((one) => one.id === printer.job);
-      parts.show(printer, job, print?.status);
+      const progress = findProgress(print, job);
+      parts.show(printer, job, print?.status, progress);
+      setShown(layers.element, Boolean(progress));
       bed.show(printer);
       setShown(controls.element, Boolean(print) && allows("control", name));
       setShown(chartRow, Boolean(print));
@@ -58,6 +69,7 @@ export function makePrinterCard({ name }) {
       if (!print) return;
       controls.show(print.status);
       log.show(print.console);
+      if (job) layers.show(job.file, progress);
       chart.show();
     },
   };
@@ -74,7 +86,7 @@ function makeParts(name) {
   const heaters = make("ul", { class: "heaters figures" });
   const showHeaters = makeList(heaters, ([heater]) => heater, makeHeater);
   const work = make("div", {}, title, bar, figures, next);
-  const show = (printer, job, status) => {
+  const show = (printer, job, status, progress) => {
     const word = describeState(job, status);
     setText(state, word);
     state.dataset.state = word;
@@ -83,7 +95,7 @@ function makeParts(name) {
     setText(title, job ? job.name : "Prints nothing");
     setShown(bar, Boolean(job));
     bar.value = getPercent(status);
-    setText(figures, job ? describeProgress(status) : `${printer.material.toUpperCase()} is loaded`);
+    setText(figures, job ? describeProgress(status, progress) : `${printer.material.toUpperCase()} is loaded`);
     setText(next, describeNext(name));
     showHeaters(Object.entries(status?.temperatures ?? {}));
   };
@@ -125,16 +137,43 @@ function getPercent(status) {
   return status?.total ? (100 * status.done) / status.total : 0;
 }
 
+/** Return a function that returns how far a print is; null if it is not known. */
+function makeProgress() {
+  let run = "";
+  let layers = null;
+  let follow = followProgress();
+  return (print, job) => {
+    if (!print || !job) return null;
+    if (print.run !== run) {
+      run = print.run;
+      layers = null;
+      follow = followProgress();
+      const load = loadLayers(job.file);
+      load.then(
+        (found) => (layers = print.run === run ? found : layers),
+        () => {}, // files without a preview are printed, too
+      );
+    }
+    return layers && follow(print.status, layers, Date.now() / 1000);
+  };
+}
+
 /** Return the progress of a print as text. */
-function describeProgress(status) {
+function describeProgress(status, progress) {
   if (!status) return "starting";
   if (status.waits_for) return `waiting for ${status.waits_for}`;
   const parts = [`${getPercent(status).toFixed(0)} %`];
   if (status.layers) parts.unshift(`Layer ${status.layer} of ${status.layers}`);
+  if (progress && Number.isFinite(progress.secondsLeft)) parts.push(describeTimeLeft(progress.secondsLeft));
   if (status.speed_percent !== 100) parts.push(`speed ${status.speed_percent} %`);
   if (status.flow_percent !== 100) parts.push(`flow ${status.flow_percent} %`);
   if (status.resends) parts.push(`${status.resends} resends`);
   return parts.join(" · ");
+}
+
+/** Return the time that is left and the time of the end as text. */
+function describeTimeLeft(seconds) {
+  return `${formatDuration(seconds)} left, ends ${formatTime(Date.now() / 1000 + seconds)}`;
 }
 
 /** Return the first job that waits for a printer as text. */

@@ -2,10 +2,11 @@
  * The console of a printer: what it reports, and an input for commands.
  */
 import { submitWith } from "./buttons.js";
-import { make, makeField, makeList, setText } from "./elements.js";
+import { make, makeCheckbox, makeField, makeList, setText } from "./elements.js";
 import { request } from "./requests.js";
 
 const SHOWN_LINES = 100;
+const TEMPERATURES = /^(ok )?[TBC]\d*:\s*-?[\d.]+|^(T|B)\d*:|\bM105\b/;
 const COMMANDS = "pause, pause now, resume, cancel, speed 80, flow 95, fan 50, nozzle 210, bed 60, babystep 0.05, say M117 hello, object NAME";
 
 /**
@@ -31,18 +32,30 @@ export function makeConsole(printer, send) {
     setText(answer, typeof result?.answer === "string" ? result.answer : "");
     input.value = "";
   });
-  const element = make("details", { class: "console" }, make("summary", {}, "Console"), lines, answer, form, hint);
+  const filter = makeCheckbox("Hide temperatures", true);
+  const find = make("input", { type: "search", autocomplete: "off", spellcheck: false, "aria-label": `Filter the console of ${printer}`, placeholder: "Filter" });
+  const filters = make("div", { class: "row" }, find, filter.element);
+  const element = make("details", { class: "console" }, make("summary", {}, "Console"), filters, lines, answer, form, hint);
+  let last = /** @type {[number, string, string][]} */ ([]);
+  const redraw = () => show(last);
+  find.addEventListener("input", redraw);
+  filter.input.addEventListener("change", redraw);
+  element.addEventListener("toggle", redraw);
+  const isShown = ([, kind, text]) =>
+    !(filter.input.checked && TEMPERATURES.test(text)) && `${kind} ${text}`.toLowerCase().includes(find.value.trim().toLowerCase());
+  const show = (all) => {
+    last = all;
+    if (!element.open) return;
+    const isAtEnd = lines.scrollHeight - lines.scrollTop - lines.clientHeight < 30;
+    showLines(all.filter(isShown).slice(-SHOWN_LINES));
+    if (isAtEnd) lines.scrollTop = lines.scrollHeight;
+  };
   const showLines = makeList(lines, ([number]) => number, makeLine);
   return {
     element,
     form,
-    /** Show the last lines; nothing is drawn while the console is folded. @param {[number, string, string][]} all */
-    show(all) {
-      if (!element.open) return;
-      const isAtEnd = lines.scrollHeight - lines.scrollTop - lines.clientHeight < 30;
-      showLines(all.slice(-SHOWN_LINES));
-      if (isAtEnd) lines.scrollTop = lines.scrollHeight;
-    },
+    /** Show the last lines; nothing is drawn while the console is folded. @type {(all: [number, string, string][]) => void} */
+    show,
   };
 }
 

@@ -37,18 +37,19 @@ export async function request(method, path, body) {
 }
 
 /**
- * Upload a file of G-code.
+ * Send a form with a file.
  *
- * @param {File} file
+ * @param {string} path
+ * @param {Record<string, string | File>} fields the file comes last
  * @param {(share: number) => void} onProgress gets the share that was sent, 0 to 1
- * @returns {Promise<[any, any]>} the stored file, and what is known of it
+ * @returns {Promise<any>} the answer
  * @throws {RequestError}
  */
-export function uploadFile(file, onProgress) {
+export function uploadFile(path, fields, onProgress) {
   const form = new FormData();
-  form.append("file", file);
+  for (const [name, value] of Object.entries(fields)) form.append(name, value);
   const upload = new XMLHttpRequest();
-  upload.open("POST", "/v1/files");
+  upload.open("POST", path);
   for (const [name, value] of Object.entries(OWN_HEADER)) upload.setRequestHeader(name, value);
   upload.upload.addEventListener("progress", (event) => onProgress(event.loaded / (event.total || 1)));
   return new Promise((resolve, reject) => {

@@ -5,6 +5,7 @@ import { makeAppearanceMenu } from "./appearance.js";
 import { makeButton, makeConfirmedButton, submitWith } from "./buttons.js";
 import { make, makeCheckbox, makeField, makeList, setShown, setText } from "./elements.js";
 import { formatTime } from "./formats.js";
+import { fillPrinters } from "./job_form.js";
 import { tell, tellError } from "./messages.js";
 import { request } from "./requests.js";
 import { allows, known, stop } from "./status.js";
@@ -35,6 +36,7 @@ export function makeSettingsSection() {
     show() {
       setText(name, `Signed in as ${known.account?.name}`);
       setShown(keys.element, allows("admin"));
+      keys.showPrinters();
       if (isLoaded || !allows("admin")) return;
       isLoaded = true;
       keys.load().catch(tellError);
@@ -54,9 +56,10 @@ function makeKeys() {
     created.replaceChildren(make("p", {}, "Copy this key now. It is not shown again."), make("code", { tabIndex: 0 }, text), copy);
     return load();
   };
+  const { form, showPrinters } = makeKeyForm(showNew);
   const about = "A slicer or a phone needs a key of its own. Delete it, and nobody gets in with it any more.";
-  const element = make("div", { class: "card" }, make("h3", {}, "Keys"), make("p", { class: "hint" }, about), list, makeKeyForm(showNew), created);
-  return { element, load };
+  const element = make("div", { class: "card" }, make("h3", {}, "Keys"), make("p", { class: "hint" }, about), list, form, created);
+  return { element, load, showPrinters };
 }
 
 /** Return the row of a key. */
@@ -87,12 +90,13 @@ function makeKeyForm(showNew) {
   const name = make("input", { required: true, maxLength: 80, autocomplete: "off" });
   const boxes = Object.entries(SCOPES).map(([scope, label]) => ({ scope, ...makeCheckbox(label, SCOPES_OF_SLICERS.includes(scope)) }));
   const scopes = make("fieldset", {}, make("legend", {}, "What it allows"), ...boxes.map((box) => box.element));
-  const form = make("form", {}, makeField("Name of the new key", name), scopes, make("button", { type: "submit" }, "Create key"));
+  const printer = make("select", {});
+  const form = make("form", {}, makeField("Name of the new key", name), makeField("Printer", printer), scopes, make("button", { type: "submit" }, "Create key"));
   submitWith(form, async () => {
     const wanted = boxes.filter((box) => box.input.checked).map((box) => box.scope);
-    const { text } = await request("POST", "/v1/keys", { name: name.value, scopes: wanted });
+    const { text } = await request("POST", "/v1/keys", { name: name.value, scopes: wanted, printer: printer.value });
     name.value = "";
     await showNew(text);
   });
-  return form;
+  return { form, showPrinters: () => fillPrinters(printer, "all printers") };
 }

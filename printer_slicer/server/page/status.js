@@ -1,5 +1,5 @@
 /**
- * What the page knows: the queue, the running prints with their consoles, and the temperatures of the last 30 minutes.
+ * What the page knows: the queue, the running prints with their consoles, and the temperatures.
  */
 import { followFeed } from "./feed.js";
 import { RequestError, request } from "./requests.js";

@@ -1,14 +1,15 @@
 /**
  * A chart of the temperatures of a printer: full lines are measured, dashed ones are targets.
  */
+import { prepareCanvas } from "./canvas.js";
 import { make } from "./elements.js";
 import { HISTORY_LENGTH, getTemperatures, nameHeater } from "./temperature_history.js";
 
 const HEIGHT = 120; // px
 const LEFT = 34; // px for the figures at the side
 const BELOW = 18; // px for the times
-const LENGTHS = [6, 15, HISTORY_LENGTH / 60]; // min
-const GAP = 15; // s without a sample, after which the line is interrupted
+const LENGTHS = [6, 15, 30, 60, 180, 720, HISTORY_LENGTH / 60]; // min
+const GAP = 90; // s without a sample, after which the line is interrupted
 
 /**
  * Return a chart.
@@ -18,11 +19,11 @@ const GAP = 15; // s without a sample, after which the line is interrupted
  */
 export function makeTemperatureChart(printer) {
   const canvas = make("canvas", { class: "chart", role: "img" });
-  let last = 0;
+  let last = "";
   const show = () => {
     const samples = getTemperatures(printer);
     const newest = samples.at(-1)?.time ?? 0;
-    const key = newest + canvas.clientWidth + document.documentElement.dataset.scheme;
+    const key = `${samples.length} ${newest} ` + canvas.clientWidth + document.documentElement.dataset.scheme;
     if (key === last || !canvas.clientWidth) return;
     last = key;
     canvas.setAttribute("aria-label", describe(samples));
@@ -36,12 +37,12 @@ export function makeTemperatureChart(printer) {
 function describe(samples) {
   const now = Object.entries(samples.at(-1)?.temperatures ?? {});
   const values = now.map(([heater, [actual, target]]) => `${nameHeater(heater)} ${actual.toFixed(0)} of ${target.toFixed(0)} °C`);
-  return `Temperatures of the last 30 minutes; now ${values.join(", ") || "unknown"}`;
+  return `Temperatures; now ${values.join(", ") || "unknown"}`;
 }
 
 /** Draw all samples. */
 function draw(canvas, samples) {
-  const { width, context } = prepare(canvas);
+  const { width, context } = prepareCanvas(canvas, HEIGHT);
   const colours = getComputedStyle(canvas);
   const end = samples.at(-1)?.time ?? 0;
   const minutes = LENGTHS.find((one) => end - (samples[0]?.time ?? end) <= 60 * one) ?? LENGTHS.at(-1);
@@ -61,17 +62,6 @@ function draw(canvas, samples) {
   });
 }
 
-/** Give a canvas the resolution of the screen, and clear it. */
-function prepare(canvas) {
-  const width = canvas.clientWidth;
-  const scale = window.devicePixelRatio || 1;
-  canvas.width = Math.round(width * scale);
-  canvas.height = Math.round(HEIGHT * scale);
-  const context = canvas.getContext("2d");
-  context.scale(scale, scale);
-  return { width, context };
-}
-
 /** Draw horizontal lines with their temperatures, and the times below. */
 function drawGrid(context, colours, { width, top, minutes, placeY }) {
   context.font = `12px ${colours.fontFamily}`;
@@ -88,7 +78,8 @@ function drawGrid(context, colours, { width, top, minutes, placeY }) {
   }
   for (const third of [0, 1, 2, 3]) {
     context.textAlign = third % 3 ? "center" : ["left", "right"][third / 3];
-    const text = third < 3 ? `−${minutes - (third * minutes) / 3} min` : "now";
+    const before = minutes - (third * minutes) / 3;
+    const text = third === 3 ? "now" : before < 90 ? `−${before} min` : `−${before / 60} h`;
     context.fillText(text, LEFT + ((width - LEFT) * third) / 3, HEIGHT - 3);
   }
 }

@@ -1,0 +1,33 @@
+/**
+ * The layer that a printer prints at the moment.
+ */
+import { make, setText } from "./elements.js";
+import { makeLayerPicture } from "./layer_picture.js";
+import { loadPreview } from "./preview_store.js";
+
+/**
+ * Return the picture, which is loaded and drawn only while it is unfolded.
+ *
+ * @returns {{element: HTMLDetailsElement, show: (file: string, progress: import("./print_progress.js").Progress | null) => void}}
+ */
+export function makeLiveLayers() {
+  const picture = makeLayerPicture();
+  const text = make("p", { class: "hint" });
+  let last = () => {};
+  const element = make("details", { ontoggle: () => last() }, make("summary", {}, "Current layer"), picture.element, text);
+  const show = async (file, progress) => {
+    last = () => show(file, progress);
+    if (!element.open || !progress) return;
+    try {
+      const loaded = await loadPreview(file);
+      const { z } = loaded.preview.layers;
+      const said = `Layer ${progress.layer + 1} of ${z.length} at ${z[progress.layer].toFixed(2)} mm`;
+      const share = Math.floor(100 * progress.share);
+      picture.show(loaded, progress.layer, progress.share, `${said}, ${share} % of it is printed`);
+      setText(text, `${said}. What is not printed yet is grey.`);
+    } catch (error) {
+      setText(text, error.message);
+    }
+  };
+  return { element, show };
+}

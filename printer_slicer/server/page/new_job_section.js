@@ -1,0 +1,55 @@
+/**
+ * A new job from a model: choose it and its settings, compare layer plans, slice it, look at its layers, and print it.
+ */
+import { makeButton } from "./buttons.js";
+import { makeDropArea } from "./drop_area.js";
+import { make, setShown, setText } from "./elements.js";
+import { tell } from "./messages.js";
+import { makeSliceForm } from "./slice_form.js";
+import { makePlans, makeSlicedFiles } from "./slice_result.js";
+import { makeSliceTask } from "./slice_task.js";
+import { allows } from "./status.js";
+
+const TEXTS = { text: "Drop a model here, or", label: "Choose a model …", accept: ".stl,.3mf,.obj,.ply,.off,.glb,.gltf,.step,.stp", multiple: false };
+
+/** Return the section. */
+export function makeNewJobSection() {
+  let model = /** @type {File | null} */ (null);
+  const name = make("h3", { tabIndex: -1 });
+  const task = makeSliceTask();
+  const result = make("div", {});
+  const form = makeSliceForm(() => slice());
+  const compare = makeButton("Compare layer plans", () => plan());
+  form.buttons.append(compare);
+  const settings = make("div", { class: "card", hidden: true }, name, form.element);
+  const drop = makeDropArea(TEXTS, ([file]) => {
+    model = file;
+    setText(name, file.name);
+    setShown(settings, true);
+    result.replaceChildren();
+    name.focus();
+  });
+  const work = async (path, show) => {
+    if (!form.element.reportValidity()) return;
+    result.replaceChildren();
+    const ended = await task.run(path, model, form.readFields());
+    if (ended.state === "cancelled") tell(`${ended.name} is cancelled`);
+    else result.replaceChildren(await show(ended));
+  };
+  const slice = () =>
+    work("/v1/slices", async (ended) => {
+      tell(`${ended.name} is sliced`);
+      return makeSlicedFiles(ended);
+    });
+  const plan = () => work("/v1/plans", (ended) => makePlans(ended, form.usePlan));
+  const refused = make("p", {}, "Your key does not allow to upload models.");
+  return {
+    title: "New job",
+    element: make("div", {}, refused, drop, settings, task.element, result),
+    show() {
+      setShown(refused, !allows("upload"));
+      setShown(drop, allows("upload"));
+      form.showChoices();
+    },
+  };
+}
