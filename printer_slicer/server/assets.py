@@ -1,7 +1,7 @@
 """The files of the web page: read once, compressed once, and served with a hash of their content in the address.
 
 The page is written as small modules that import each other by name, and those of the viewer that draw layers. They are
-served as one script, each module after those it imports, without the words `import` and `export` and without comments of
+served as one script, each module after those it imports, without the words `import` and `export` and without
 documentation, so that the page is small and needs few requests. Their names at the top level are therefore unique, and
 they import and export in two simple forms only.
 """

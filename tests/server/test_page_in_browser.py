@@ -14,8 +14,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
+import printer_slicer as ps
+from tests.parts import box
+
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Locator, Page
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = next(
@@ -40,8 +43,14 @@ speed = 20
 port = "sim:"
 profile = "marlin_220"
 speed = 20
+
+[fast]
+port = "sim:"
+profile = "marlin_220"
+speed = 40
 """
 NAME = "<img src=x onerror=document.title=1>.gcode"
+MODEL_NAME = "<img src=x onerror=document.title=1>.stl"
 SAID = "<b onclick=document.title=1>hello"
 HEIGHT_OF_TARGET = 44  # px
 SIZES: list[tuple[tuple[int, int], Literal["light", "dark"]]] = [
@@ -50,7 +59,7 @@ SIZES: list[tuple[tuple[int, int], Literal["light", "dark"]]] = [
     ((1280, 800), "light"),
     ((1280, 800), "dark"),
 ]
-SECTIONS = ("Printers", "Queue", "Files", "History", "Settings")
+SECTIONS = ("Printers", "New job", "Queue", "Files", "History", "Settings")
 
 CONTRAST = """() => {
     const parse = (text) => text.match(/[\\d.]+/g).map(Number);
@@ -197,6 +206,159 @@ def open_section(page: Page, name: str) -> None:
     page.get_by_role("heading", name=name, level=2).wait_for()
 
 
+def check_page(page: Page) -> None:
+    """Check that all fits, and can be read, touched and named."""
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert page.evaluate(SMALL, HEIGHT_OF_TARGET) == []
+    assert page.evaluate(UNNAMED) == 0
+    assert page.evaluate(CONTRAST) == []
+
+
+def tab_to(page: Page, wanted: Locator) -> None:
+    """Press the tab key until an element has the focus, which must be visible."""
+    for _ in range(80):
+        page.keyboard.press("Tab")
+        if wanted.count() and wanted.evaluate("one => one === document.activeElement"):
+            assert page.evaluate(FOCUS)[2] == "solid"
+            return
+    raise AssertionError(f"{wanted} cannot be reached")
+
+
+def enter(page: Page, wanted: Locator) -> None:
+    """Go to an element and press Enter."""
+    tab_to(page, wanted)
+    page.keyboard.press("Enter")
+
+
+def make_model(folder: Path, name: str) -> Path:
+    """A small box with a name."""
+    ps.export_stl(box((10, 10, 3)), folder / name)
+    return folder / name
+
+
+COLOURED = """one => {
+    const copy = new OffscreenCanvas(one.width, one.height).getContext("2d", { willReadFrequently: true });
+    copy.drawImage(one, 0, 0);
+    const { data } = copy.getImageData(0, 0, one.width, one.height);
+    return data.filter((_, place) => place % 4 === 0)
+        .filter((_, place) => data[4 * place + 3] > 0)
+        .filter((red, place) => Math.max(red, data[4 * place + 1], data[4 * place + 2])
+            - Math.min(red, data[4 * place + 1], data[4 * place + 2]) > 60).length;
+}"""
+
+
+@pytest.mark.parametrize("page", SIZES, indirect=True)
+def test_a_model_is_sliced_and_printed_with_keys_alone(page: Page, tmp_path: Path) -> None:
+    size = page.viewport_size
+    assert size is not None
+    model = make_model(tmp_path, f"box {size['width']} {MODEL_NAME}")
+    enter(page, page.get_by_role("link", name="New job"))
+    page.get_by_role("heading", name="New job").wait_for()
+    with page.expect_file_chooser() as chooser:
+        enter(page, page.locator(".drop input"))
+    chooser.value.set_files(model)
+    page.get_by_role("heading", name=model.name).wait_for()
+    tab_to(page, page.get_by_role("combobox", name="Printer"))
+    page.keyboard.type("fast")
+    tab_to(page, page.get_by_role("combobox", name="Quality"))
+    page.keyboard.type("draft")
+    tab_to(page, page.get_by_role("spinbutton", name="Infill"))
+    page.keyboard.type("20")
+    check_page(page)
+    enter(page, page.get_by_role("button", name="Compare layer plans"))
+    page.get_by_role("table").wait_for()
+    check_page(page)
+    enter(page, page.get_by_role("button", name="Use uniform").last)
+    page.get_by_role("status").filter(has_text="The layers are now uniform").wait_for()
+    page.keyboard.press("Shift+Tab")
+    while page.evaluate("document.activeElement.textContent") != "Slice":
+        page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name=f"{model.name} is sliced").wait_for()
+    tab_to(page, page.get_by_role("slider"))
+    page.get_by_text(re.compile("^Layer .* thick$")).wait_for()
+    page.keyboard.press("ArrowLeft")
+    picture = page.get_by_role("img", name=re.compile("^Layer"))
+    assert picture.evaluate(COLOURED) > 100
+    page.keyboard.press("Home")
+    page.get_by_text(re.compile("^Layer 1 of")).wait_for()
+    check_page(page)
+    enter(page, page.get_by_role("button", name=re.compile("^Print ")))
+    page.get_by_role("status").filter(has_text="is in the queue").wait_for()
+    watch_print_with_keys(page, model.stem)
+
+
+def watch_print_with_keys(page: Page, name: str) -> None:
+    """Declare the bed clear, watch the print until its end, and find it in the history."""
+    page.evaluate("document.activeElement.blur()")
+    page.get_by_role("link", name="Printers").focus()
+    page.keyboard.press("Enter")
+    card = page.locator("li.card", has=page.get_by_role("heading", name="fast"))
+    card.wait_for()
+    enter(page, card.get_by_role("button", name="Bed is clear"))
+    card.get_by_text(re.compile(r"^Layer \d+ of \d+ · .* left, ends \d\d:\d\d")).wait_for()
+    card.get_by_text(name).first.wait_for()
+    live = card.get_by_role("img", name=re.compile(r"^Layer \d+ of \d+ at .* is printed$"))
+    enter(page, card.locator("summary", has_text="Current layer"))
+    live.wait_for()
+    check_page(page)
+    page.wait_for_function(f"one => ({COLOURED})(one) > 20", arg=live.element_handle())
+    card.get_by_text("Prints nothing").wait_for(timeout=60_000)
+    page.get_by_role("link", name="History").focus()
+    page.keyboard.press("Enter")
+    page.locator("li.card", has_text=name).get_by_text("done", exact=True).first.wait_for()
+
+
+def test_a_dropped_model_that_cannot_be_sliced_says_why(page: Page) -> None:
+    open_section(page, "New job")
+    page.evaluate(DROP, ["solid x", f"{MODEL_NAME}"])
+    page.get_by_role("heading", name=MODEL_NAME).wait_for()
+    page.get_by_role("button", name="Slice", exact=True).click()
+    page.get_by_role("alert").filter(has_text=MODEL_NAME).wait_for()
+    check_page(page)
+
+
+def test_the_console_is_filtered(page: Page) -> None:
+    open_section(page, "Files")
+    page.evaluate(DROP, [make_gcode(f"{SAID} filter"), f"filter {NAME}"])
+    row = page.locator("li.card", has_text="filter").first
+    row.locator("summary").click()
+    row.get_by_label("Printer").select_option("keyboard")
+    row.get_by_role("button", name="Print").click()
+    page.get_by_role("status").filter(has_text="is in the queue").wait_for()
+    open_section(page, "Printers")
+    card = page.locator("li.card", has=page.get_by_role("heading", name="keyboard"))
+    card.get_by_role("button", name="Bed is clear").click()
+    card.locator("summary", has_text="Console").click()
+    lines = card.locator(".lines")
+    lines.get_by_text(f"{SAID} filter").first.wait_for()
+    card.get_by_label("Filter").fill("nothing has this")
+    page.wait_for_function("one => one.children.length === 0", arg=lines.element_handle())
+    card.get_by_label("Filter").fill("HELLO FILTER")
+    lines.get_by_text(f"{SAID} filter").first.wait_for()
+    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
+    cancel.click()
+    cancel.filter(has_text="Press again").click()
+    card.get_by_text("Prints nothing").wait_for()
+
+
+def test_a_file_is_deleted_with_a_second_press(page: Page) -> None:
+    open_section(page, "Files")
+    page.evaluate(DROP, [make_gcode("delete"), f"delete {NAME}"])
+    row = page.locator("li.card", has_text=f"delete {NAME}")
+    row.get_by_role("button", name="Delete", exact=True).click()
+    row.get_by_role("button", name="Press again").click()
+    row.wait_for(state="detached")
+
+
+def test_a_key_can_be_for_one_printer(page: Page) -> None:
+    open_section(page, "Settings")
+    page.get_by_label("Name of the new key").fill("one")
+    page.get_by_role("combobox", name="Printer").select_option("wide")
+    page.get_by_role("button", name="Create key").click()
+    page.locator("li", has_text="only wide").wait_for()
+
+
 def test_the_link_signs_in_with_few_requests(browser: Browser, running: RunningServer) -> None:
     context = browser.new_context()
     page = context.new_page()
@@ -223,10 +385,7 @@ def test_everything_fits_and_can_be_read_and_touched(page: Page, section: str) -
     for summary in page.locator("summary").all():
         if summary.is_visible():
             summary.click()
-    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
-    assert page.evaluate(SMALL, HEIGHT_OF_TARGET) == []
-    assert page.evaluate(UNNAMED) == 0
-    assert page.evaluate(CONTRAST) == []
+    check_page(page)
 
 
 @pytest.mark.parametrize(
@@ -276,9 +435,9 @@ def test_keys_alone_reach_everything_in_reading_order(page: Page) -> None:
         seen.append(page.evaluate(FOCUS))
     places = [place for place, _, _ in seen]
     assert places == sorted(places)
-    assert [text for _, text, _ in seen[:5]] == list(SECTIONS)
+    assert [text for _, text, _ in seen[:6]] == list(SECTIONS)
     assert {outline for _, _, outline in seen} == {"solid"}
-    assert seen[5][1] in {"Bed is clear", "Not clear"}
+    assert seen[6][1] in {"Bed is clear", "Not clear"}
     card = page.locator("li.card", has=page.get_by_role("heading", name="keyboard"))
     while (
         page.evaluate("document.activeElement.closest('.card')?.querySelector('h3').textContent")

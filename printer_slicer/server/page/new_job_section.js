@@ -29,19 +29,21 @@ export function makeNewJobSection() {
     result.replaceChildren();
     name.focus();
   });
-  const work = async (path, show) => {
-    if (!form.element.reportValidity()) return;
+  const work = async (path, fields, show) => {
     result.replaceChildren();
-    const ended = await task.run(path, model, form.readFields());
-    if (ended.state === "cancelled") tell(`${ended.name} is cancelled`);
-    else result.replaceChildren(await show(ended));
+    const ended = await task.run(path, model, fields);
+    if (ended.state === "cancelled") return tell(`${ended.name} is cancelled`);
+    result.replaceChildren(await show(ended));
+    return result.querySelector("h3, caption").focus();
   };
   const slice = () =>
-    work("/v1/slices", async (ended) => {
+    work("/v1/slices", form.readFields(), async (ended) => {
       tell(`${ended.name} is sliced`);
       return makeSlicedFiles(ended);
     });
-  const plan = () => work("/v1/plans", (ended) => makePlans(ended, form.usePlan));
+  const plan = async () => {
+    if (form.element.reportValidity()) await work("/v1/plans", form.readFields("optimal"), (ended) => makePlans(ended, form.usePlan));
+  };
   const refused = make("p", {}, "Your key does not allow to upload models.");
   return {
     title: "New job",

@@ -33,8 +33,8 @@ export function makeConsole(printer, send) {
     input.value = "";
   });
   const filter = makeCheckbox("Hide temperatures", true);
-  const find = make("input", { type: "search", autocomplete: "off", spellcheck: false, "aria-label": `Filter the console of ${printer}`, placeholder: "Filter" });
-  const filters = make("div", { class: "row" }, find, filter.element);
+  const find = make("input", { type: "search", autocomplete: "off", spellcheck: false });
+  const filters = make("div", { class: "row" }, makeField("Filter", find), filter.element);
   const element = make("details", { class: "console" }, make("summary", {}, "Console"), filters, lines, answer, form, hint);
   let last = /** @type {[number, string, string][]} */ ([]);
   const redraw = () => show(last);

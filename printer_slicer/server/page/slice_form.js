@@ -15,9 +15,9 @@ const DEFAULT_QUALITY = "standard";
  * Return the form.
  *
  * @param {() => Promise<unknown>} act is called when the form is sent
- * @returns {{element: HTMLFormElement, buttons: HTMLElement, readFields: () => Record<string, string>, usePlan: (plan: string) => boolean,
- *   showChoices: () => void}} `readFields` returns the fields that `/v1/slices` takes; `usePlan` takes over a layer plan
- *   and returns whether it can
+ * @returns {{element: HTMLFormElement, buttons: HTMLElement, readFields: (planner?: string) => Record<string, string>,
+ *   usePlan: (plan: string) => boolean, showChoices: () => void}} `readFields` returns the fields that `/v1/slices`
+ *   takes, with a planner if none is chosen; `usePlan` takes over a layer plan and returns whether it can
  */
 export function makeSliceForm(act) {
   const printer = make("select", { required: true });
@@ -51,12 +51,10 @@ export function makeSliceForm(act) {
       if (!isAsked) offerQualities(quality);
       isAsked = true;
     },
-    readFields: () => ({
-      printer: printer.value,
-      quality: quality.value,
-      copies: copies.value,
-      settings: JSON.stringify(listSettings({ plan, height, infill, supports, brim })),
-    }),
+    readFields(planner = "") {
+      const settings = listSettings({ planner: plan.value || planner, height, infill, supports, brim });
+      return { printer: printer.value, quality: quality.value, copies: copies.value, settings: JSON.stringify(settings) };
+    },
     usePlan(name) {
       const uniform = /^uniform ([\d.]+) mm$/.exec(name);
       if (!uniform && !name.startsWith("optimal")) return false;
@@ -68,9 +66,9 @@ export function makeSliceForm(act) {
 }
 
 /** Return the settings that differ from those of the quality. */
-function listSettings({ plan, height, infill, supports, brim }) {
+function listSettings({ planner, height, infill, supports, brim }) {
   const settings = {
-    "planner.kind": plan.value,
+    "planner.kind": planner,
     layer_height: height.value,
     infill_density: infill.value && String(infill.valueAsNumber / 100),
     support: supports.value,

@@ -24,7 +24,7 @@ export function makePlans(task, use) {
     return make("tr", {}, make("th", { scope: "row" }, plan.plan), ...texts.map((text) => make("td", {}, text)), make("td", {}, button));
   };
   const titles = ["Plan", "Layers", "Time", "Deviation", ""].map((text) => make("th", { scope: "col" }, text));
-  const table = make("table", { class: "figures" }, make("caption", {}, `Layer plans of ${task.name}`), make("tr", {}, ...titles), ...task.facts.plans.map(makeRow));
+  const table = make("table", { class: "figures" }, make("caption", { tabIndex: -1 }, `Layer plans of ${task.name}`), make("tr", {}, ...titles), ...task.facts.plans.map(makeRow));
   return make("div", { class: "card" }, table);
 }
 
@@ -35,7 +35,7 @@ export function makePlans(task, use) {
  */
 export async function makeSlicedFiles(task) {
   const files = await Promise.all(task.files.map((id) => request("GET", `/v1/files/${id}`)));
-  return make("div", {}, makeFindings(task), ...files.map((entry) => makeSlicedFile(task, entry)));
+  return make("div", { class: "stack" }, makeFindings(task), ...files.map((entry) => makeSlicedFile(task, entry)));
 }
 
 /** Return the findings of a task. */
@@ -45,7 +45,7 @@ function makeFindings({ name, message, facts }) {
   const error = facts.certificate?.max_error_mm;
   const accuracy = error === undefined ? "" : ` · the layers deviate from the surface by at most ${error.toFixed(2)} mm`;
   const title = lines.length ? "Findings" : "No findings";
-  return make("div", { class: "card" }, make("h3", {}, `${name} is sliced`), make("p", {}, `${title}${accuracy}`), list);
+  return make("div", { class: "card" }, make("h3", { tabIndex: -1 }, `${name} is sliced`), make("p", {}, `${title}${accuracy}`), list);
 }
 
 /** Return a sliced file with its layers and the form that prints it. */
@@ -53,5 +53,5 @@ function makeSlicedFile(task, [file, facts]) {
   const form = makeJobForm(file, task.printer);
   setShown(form.element, allows("print") && !facts.problem);
   const view = make("a", { class: "button", href: `/v1/files/${file.id}/view`, target: "_blank", rel: "noopener" }, "All layers in 3D");
-  return make("div", { class: "card" }, make("h3", {}, file.name), make("p", {}, formatFacts(facts)), makeLayerBrowser(file.id), view, form.element);
+  return make("div", { class: "card" }, make("h3", {}, file.name), make("p", {}, formatFacts(facts)), makeLayerBrowser(file.id), make("div", { class: "row" }, view), form.element);
 }
