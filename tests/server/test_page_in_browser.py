@@ -8,8 +8,11 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from itertools import pairwise
 from pathlib import Path
 from socket import socket
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
@@ -88,6 +91,13 @@ SMALL = """(least) => [...document.querySelectorAll("button, a, .button, select,
     })
     .map((one) => one.outerHTML)"""
 UNNAMED = "() => [...document.querySelectorAll('input, select')].filter((one) => !one.labels.length).length"
+WITHOUT_TEXT = """() => [...document.querySelectorAll("button, a, summary, img, canvas, progress, table")]
+    .filter((one) => one.checkVisibility())
+    .filter((one) => !(one.getAttribute("aria-label") ?? one.alt ?? one.textContent).trim())
+    .map((one) => one.outerHTML)"""
+HEADINGS = """() => [...document.querySelectorAll("h1, h2, h3")]
+    .filter((one) => one.checkVisibility())
+    .map((one) => Number(one.tagName[1]))"""
 FOCUS = """() => {
     const one = document.activeElement;
     const shown = one.matches(".unseen") ? one.parentElement : one;
@@ -118,8 +128,8 @@ class RunningServer:
         key: allows everything.
     """
 
-    def __init__(self, folder: Path) -> None:
-        (folder / "printers.toml").write_text(PRINTERS)
+    def __init__(self, folder: Path, printers: str = PRINTERS) -> None:
+        (folder / "printers.toml").write_text(printers)
         self._folder = folder
         with socket() as free:
             free.bind(("127.0.0.1", 0))
@@ -211,7 +221,12 @@ def check_page(page: Page) -> None:
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     assert page.evaluate(SMALL, HEIGHT_OF_TARGET) == []
     assert page.evaluate(UNNAMED) == 0
+    assert page.evaluate(WITHOUT_TEXT) == []
     assert page.evaluate(CONTRAST) == []
+    levels = page.evaluate(HEADINGS)
+    assert levels[0] == 1
+    assert max(after - before for before, after in pairwise(levels)) <= 1
+    assert page.evaluate("document.getAnimations().length") == 0
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
@@ -236,6 +251,11 @@ def make_model(folder: Path, name: str) -> Path:
     return folder / name
 
 
+LOAD = """(address) => new Promise((resolve) => {
+    const image = new Image();
+    for (const kind of ["load", "error"]) image.addEventListener(kind, () => resolve(kind));
+    image.src = address;
+})"""
 COLOURED = """one => {
     const copy = new OffscreenCanvas(one.width, one.height).getContext("2d", { willReadFrequently: true });
     copy.drawImage(one, 0, 0);
@@ -357,6 +377,54 @@ def test_a_key_can_be_for_one_printer(page: Page) -> None:
     page.get_by_role("combobox", name="Printer").select_option("wide")
     page.get_by_role("button", name="Create key").click()
     page.locator("li", has_text="only wide").wait_for()
+
+
+def test_the_loaded_material_can_be_named(page: Page) -> None:
+    card = page.locator("li.card", has=page.get_by_role("heading", name="wide"))
+    card.locator("summary", has_text="PLA is loaded").click()
+    card.get_by_role("combobox", name="Loaded material").select_option("petg")
+    card.get_by_role("button", name="Set").click()
+    card.locator("summary", has_text="PETG is loaded").wait_for()
+    card.get_by_role("combobox", name="Loaded material").select_option("pla")
+    card.get_by_role("button", name="Set").click()
+    card.locator("summary", has_text="PLA is loaded").wait_for()
+
+
+class _Camera(BaseHTTPRequestHandler):
+    """Answers each request with a picture."""
+
+    def do_GET(self) -> None:
+        """Send the picture."""
+        self.send_response(200)
+        self.send_header("content-type", "image/svg+xml")
+        self.end_headers()
+        self.wfile.write(b"<svg xmlns='http://www.w3.org/2000/svg' width='64' height='48'/>")
+
+    def log_message(self, *_: object) -> None:
+        """Print nothing."""
+
+
+def test_webcams_are_shown_and_other_hosts_are_not(browser: Browser, tmp_path: Path) -> None:
+    with HTTPServer(("127.0.0.1", 0), _Camera) as camera:
+        Thread(target=camera.serve_forever, daemon=True).start()
+        own = f"http://127.0.0.1:{camera.server_port}/picture"
+        server = RunningServer(tmp_path, f'[left]\nport = "sim:"\nprofile = "marlin_220"\nwebcam = "{own}"\n')
+        context = browser.new_context()
+        try:
+            page = context.new_page()
+            page.goto(server.link)
+            page.locator("summary", has_text="Webcam").click()
+            picture = page.locator("img[alt='Webcam of left']")
+            page.wait_for_function("one => one.naturalWidth === 64", arg=picture.element_handle())
+            page.locator("summary", has_text="Webcam").click()
+            assert picture.get_attribute("src") is None
+            other = own.replace("127.0.0.1", "localhost")
+            assert page.evaluate(LOAD, own) == "load"
+            assert page.evaluate(LOAD, other) == "error"
+        finally:
+            context.close()
+            server.stop()
+            camera.shutdown()
 
 
 def test_the_link_signs_in_with_few_requests(browser: Browser, running: RunningServer) -> None:

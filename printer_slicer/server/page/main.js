@@ -1,6 +1,7 @@
 /**
  * The page: sections behind links, the state of the connection, messages, and the emergency stops.
  */
+import { announceStates } from "./announcements.js";
 import { applyAppearance } from "./appearance.js";
 import { make, setShown, setText } from "./elements.js";
 import { makeEmergencyStops } from "./emergency_stop.js";
@@ -53,6 +54,7 @@ function openPage() {
     heading.focus();
   });
   onChange(show);
+  announceStates();
   turn();
   startUntilAnswered();
 }

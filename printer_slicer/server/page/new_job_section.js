@@ -30,6 +30,7 @@ export function makeNewJobSection() {
     name.focus();
   });
   const work = async (path, fields, show) => {
+    if (task.isRunning()) return tell("Wait for the end of the work on this model, or cancel it");
     result.replaceChildren();
     const ended = await task.run(path, model, fields);
     if (ended.state === "cancelled") return tell(`${ended.name} is cancelled`);

@@ -6,11 +6,13 @@ import { make, makeList, setShown, setText } from "./elements.js";
 import { findNextJob } from "./explanations.js";
 import { formatDuration, formatTime } from "./formats.js";
 import { makeLiveLayers } from "./live_layers.js";
+import { makeMaterialForm } from "./material_form.js";
 import { tell } from "./messages.js";
 import { loadLayers } from "./preview_store.js";
 import { followProgress } from "./print_progress.js";
 import { makeConsole, sendCommand } from "./printer_console.js";
 import { makeControls } from "./printer_controls.js";
+import { describeState } from "./printer_state.js";
 import { request } from "./requests.js";
 import { allows, known } from "./status.js";
 import { makeTemperatureChart } from "./temperature_chart.js";
@@ -22,7 +24,6 @@ const BED_TEXTS = {
   occupied: "Bed is occupied: take the print off",
   unknown: "Nobody has said whether the bed is clear",
 };
-const STATE_TEXTS = { streaming: "printing", identifying: "connecting", finishing: "finishing" };
 
 /**
  * Return the card of a printer.
@@ -37,6 +38,7 @@ export function makePrinterCard({ name }) {
   const controls = makeControls(send);
   const log = makeConsole(name, send);
   const layers = makeLiveLayers();
+  const material = makeMaterialForm(name);
   const findProgress = makeProgress();
   const chart = makeTemperatureChart(name);
   const chartRow = make("details", { open: true, ontoggle: () => chart.show() }, make("summary", {}, "Temperatures"), parts.heaters, chart.element);
@@ -47,6 +49,7 @@ export function makePrinterCard({ name }) {
     parts.message,
     parts.work,
     bed.element,
+    material.element,
     controls.element,
     layers.element,
     makeWebcam(name),
@@ -62,6 +65,7 @@ export function makePrinterCard({ name }) {
       parts.show(printer, job, print?.status, progress);
       setShown(layers.element, Boolean(progress));
       bed.show(printer);
+      material.show(printer);
       setShown(controls.element, Boolean(print) && allows("control", name));
       setShown(chartRow, Boolean(print));
       setShown(log.element, Boolean(print));
@@ -95,7 +99,7 @@ function makeParts(name) {
     setText(title, job ? job.name : "Prints nothing");
     setShown(bar, Boolean(job));
     bar.value = getPercent(status);
-    setText(figures, job ? describeProgress(status, progress) : `${printer.material.toUpperCase()} is loaded`);
+    setText(figures, job ? describeProgress(status, progress) : "");
     setText(next, describeNext(name));
     showHeaters(Object.entries(status?.temperatures ?? {}));
   };
@@ -123,13 +127,6 @@ function makeBed(name) {
       setShown(occupied, printer.bed === "clear" && allows("control", name));
     },
   };
-}
-
-/** Return the state of a printer as a word. */
-function describeState(job, status) {
-  if (!job) return "idle";
-  if (!status) return job.state;
-  return STATE_TEXTS[status.state] ?? status.state;
 }
 
 /** Return the progress of a print in percent. */

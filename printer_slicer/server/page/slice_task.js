@@ -11,7 +11,8 @@ const PAUSE = 300; // ms
 /**
  * Return the progress, and a function that runs a task until it ends.
  *
- * @returns {{element: HTMLElement, run: (path: string, model: File, fields: Record<string, string>) => Promise<any>}}
+ * @returns {{element: HTMLElement, isRunning: () => boolean,
+ *   run: (path: string, model: File, fields: Record<string, string>) => Promise<any>}}
  *   `run` returns the task that has ended, and throws an error if it has failed
  */
 export function makeSliceTask() {
@@ -23,6 +24,7 @@ export function makeSliceTask() {
 
   const follow = async () => {
     while (task.state === "waiting" || task.state === "slicing") {
+      setShown(cancel, true);
       setText(text, task.state === "waiting" ? "Waiting for another model" : `${task.name}: ${task.stage || "starting"}`);
       bar.value = findShare(task.stage);
       await new Promise((resume) => setTimeout(resume, PAUSE));
@@ -32,6 +34,7 @@ export function makeSliceTask() {
   };
   const run = async (path, model, fields) => {
     setShown(element, true);
+    setShown(cancel, false);
     setText(text, `Uploading ${model.name}`);
     try {
       task = await uploadFile(path, { ...fields, file: model }, (share) => (bar.value = share));
@@ -43,7 +46,7 @@ export function makeSliceTask() {
       setShown(element, false);
     }
   };
-  return { element, run };
+  return { element, run, isRunning: () => !element.hidden };
 }
 
 /** Return how much is done when a stage begins, 0 to 1. */
