@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
+from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from socket import socket
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 import printer_slicer as ps
+from printer_slicer.javascript_modules import join_modules
 from tests.parts import box
 
 if TYPE_CHECKING:
@@ -251,6 +253,17 @@ def make_model(folder: Path, name: str) -> Path:
     return folder / name
 
 
+TIME_LEFT = """
+    const layers = { seconds: [10, 10, 10, 10], command: [0, 10, 20, 30] };
+    const status = { state: "streaming", waits_for: "", total: 40, speed_percent: 100 };
+    const follow = followProgress();
+    return [
+        follow({ ...status, done: 15, speed_percent: 50 }, layers, 1000),
+        follow({ ...status, done: 25 }, layers, 1005),
+        follow({ ...status, done: 25, state: "paused" }, layers, 1500),
+        follow({ ...status, done: 40 }, layers, 1510),
+    ];
+"""
 LOAD = """(address) => new Promise((resolve) => {
     const image = new Image();
     for (const kind of ["load", "error"]) image.addEventListener(kind, () => resolve(kind));
@@ -323,6 +336,8 @@ def watch_print_with_keys(page: Page, name: str) -> None:
     live.wait_for()
     check_page(page)
     page.wait_for_function(f"one => ({COLOURED})(one) > 20", arg=live.element_handle())
+    samples = page.evaluate("fetch('/v1/printers/fast/temperatures').then((one) => one.json())")
+    assert samples[-1]["temperatures"]["T"][1] > 150
     card.get_by_text("Prints nothing").wait_for(timeout=60_000)
     page.get_by_role("link", name="History").focus()
     page.keyboard.press("Enter")
@@ -360,6 +375,26 @@ def test_the_console_is_filtered(page: Page) -> None:
     cancel.click()
     cancel.filter(has_text="Press again").click()
     card.get_by_text("Prints nothing").wait_for()
+
+
+def test_a_model_under_files_is_not_uploaded(page: Page) -> None:
+    open_section(page, "Files")
+    page.evaluate(DROP, ["solid x", MODEL_NAME])
+    page.get_by_role("alert").filter(has_text="is a model. Drop it under New job.").wait_for()
+
+
+def test_the_time_left_follows_the_layers_and_the_pace(browser: Browser) -> None:
+    folder = files("printer_slicer.server").joinpath("page")
+    script = join_modules(lambda name: folder.joinpath(name).read_text("utf-8"), "print_progress.js")
+    page = browser.new_page()
+    found = page.evaluate(f"() => {{ {script} {TIME_LEFT} }}")
+    page.close()
+    assert found == [
+        {"layer": 1, "share": 0.5, "secondsLeft": 50},  # at half the speed
+        {"layer": 2, "share": 0.5, "secondsLeft": 7.5},  # two seconds of the print take one
+        {"layer": 2, "share": 0.5, "secondsLeft": 15},  # the pause does not count
+        {"layer": 3, "share": 1, "secondsLeft": 0},
+    ]
 
 
 def test_a_file_is_deleted_with_a_second_press(page: Page) -> None:

@@ -6,6 +6,8 @@ import { make, setShown, setText } from "./elements.js";
 import { tell, tellError } from "./messages.js";
 import { uploadFile } from "./requests.js";
 
+const MODEL = /\.(stl|3mf|obj|ply|off|glb|gltf|step|stp)$/i;
+
 /**
  * Return the place for files to upload.
  *
@@ -18,6 +20,10 @@ export function makeUpload(onUploaded) {
   const uploadAll = async (files) => {
     setShown(row, true);
     for (const file of files) {
+      if (MODEL.test(file.name)) {
+        tellError(`${file.name} is a model. Drop it under New job.`);
+        continue;
+      }
       setText(text, `Uploading ${file.name}`);
       try {
         const [stored, facts] = await uploadFile("/v1/files", { file }, (share) => (progress.value = share));

@@ -5,6 +5,8 @@ import { make, setText } from "./elements.js";
 import { makeLayerPicture } from "./layer_picture.js";
 import { loadPreview } from "./preview_store.js";
 
+const PICTURES = 50; // of a layer, because drawing a large one takes time
+
 /**
  * Return the picture, which is loaded and drawn only while it is unfolded.
  *
@@ -22,8 +24,8 @@ export function makeLiveLayers() {
       const loaded = await loadPreview(file);
       const { z } = loaded.preview.layers;
       const said = `Layer ${progress.layer + 1} of ${z.length} at ${z[progress.layer].toFixed(2)} mm`;
-      const share = Math.floor(100 * progress.share);
-      picture.show(loaded, progress.layer, progress.share, `${said}, ${share} % of it is printed`);
+      const share = Math.floor(PICTURES * progress.share) / PICTURES;
+      picture.show(loaded, progress.layer, share, `${said}, ${Math.round(100 * share)} % of it is printed`);
       setText(text, `${said}. What is not printed yet is grey.`);
     } catch (error) {
       setText(text, error.message);

@@ -76,5 +76,6 @@ function readAnswer(status, text) {
   if (status < 400) return content;
   const { detail = `The server answers ${status}`, remedy = "" } = content ?? {};
   const first = detail.charAt(0).toUpperCase() + detail.slice(1);
-  throw new RequestError(status, remedy ? `${first}. ${remedy}.` : `${first}.`);
+  const isForPage = remedy && !remedy.includes("printer-slicer "); // others name commands
+  throw new RequestError(status, isForPage ? `${first}. ${remedy}.` : `${first}.`);
 }
