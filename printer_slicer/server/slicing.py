@@ -36,6 +36,7 @@ SliceCommand = Literal["slice", "plan"]
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
 _STAGE: Final = re.compile(r"\s*[\d.]+ s  (.+)")
+_OWN_NAME: Final = re.compile(r" model\.\w+")  # of the file, which users do not know
 _USAGE: Final = 2  # exit code of the command
 
 
@@ -235,7 +236,7 @@ class Slicer:
         for line in process.stderr:
             stage = _STAGE.fullmatch(line.rstrip("\n"))
             if stage is not None:
-                self._change(task, stage=stage[1])
+                self._change(task, stage=_OWN_NAME.sub("", stage[1]))
             elif line.strip():
                 messages.append(line.rstrip())
         return messages[-20:]

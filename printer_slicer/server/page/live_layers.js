@@ -22,8 +22,7 @@ export function makeLiveLayers() {
     if (!element.open || !progress) return;
     try {
       const loaded = await loadPreview(file);
-      const { z } = loaded.preview.layers;
-      const said = `Layer ${progress.layer + 1} of ${z.length} at ${z[progress.layer].toFixed(2)} mm`;
+      const said = `Layer at ${loaded.preview.layers.z[progress.layer].toFixed(2)} mm`;
       const share = Math.floor(PICTURES * progress.share) / PICTURES;
       picture.show(loaded, progress.layer, share, `${said}, ${Math.round(100 * share)} % of it is printed`);
       setText(text, `${said}. What is not printed yet is grey.`);

@@ -25,7 +25,7 @@ export function makeSliceTask() {
   const follow = async () => {
     while (task.state === "waiting" || task.state === "slicing") {
       setShown(cancel, true);
-      setText(text, task.state === "waiting" ? "Waiting for another model" : `${task.name}: ${task.stage || "starting"}`);
+      setText(text, `${task.name}: ${task.stage || "waiting"}`);
       bar.value = findShare(task.stage);
       await new Promise((resume) => setTimeout(resume, PAUSE));
       task = await request("GET", `/v1/slices/${task.id}`);
