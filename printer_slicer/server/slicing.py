@@ -68,7 +68,7 @@ class SliceTask(Struct, frozen=True):
         stage: what it does at the moment, such as `planning`.
         message: what went wrong, or the warnings, one per line.
         files: ids of the G-code files, one per plate.
-        facts: what the command tells with `--json`; of `plan`, the member `plans`.
+        facts: what the command tells with `--json`, without paths: one entry per file, or of `plan` one with `plans`.
     """
 
     id: str
@@ -79,7 +79,7 @@ class SliceTask(Struct, frozen=True):
     stage: str = ""
     message: str = ""
     files: tuple[str, ...] = ()
-    facts: Mapping[str, Any] = {}
+    facts: tuple[Mapping[str, Any], ...] = ()
 
 
 class Slicer:
@@ -206,18 +206,18 @@ class Slicer:
         output.mkdir()
         written = ["-o", f"{output}/{model.stem}.gcode"] if found.command == "slice" else []
         words = [found.command, str(model), *written, "--json", "--verbose", *arguments]
-        code, text, facts = self._run_command(task, words)
-        text = text.replace(str(model), found.name)
+        code, text, lines = self._run_command(task, words)
+        text = text.replace(str(model), found.name).replace(model.name, found.name)
         if code:
             text = text.removeprefix("printer-slicer: ") or "the model needs more time or memory than allowed"
             self._change(task, state="failed", stage="", message=text)
             return
-        told = json.loads(facts or "{}")
+        facts = [_parse_facts(line, model, found.name) for line in lines.splitlines()]
         if found.command == "plan":
-            told = {"plans": told["plans"]}
-        paths = sorted(output.iterdir())
+            facts = [{"plans": one["plans"]} for one in facts]
+        paths = [Path(one.pop("output")) for one in facts if "output" in one]
         files = tuple(self._store(path, len(paths), found.name) for path in paths)
-        self._change(task, state="done", stage="", files=files, facts=told, message=text)
+        self._change(task, state="done", stage="", files=files, facts=tuple(facts), message=text)
 
     def _run_command(self, task: str, words: Sequence[str]) -> tuple[int, str, str]:
         """Run a command, and follow its stages; return its exit code, its other messages, and its output."""
@@ -250,3 +250,12 @@ class Slicer:
         with suppress(UsageError):
             self._reader.read(stored.id)
         return stored.id
+
+
+def _parse_facts(line: str, model: Path, name: str) -> dict[str, Any]:
+    """Return a line of JSON as a value in which the model has its name instead of its path."""
+    shown = json.dumps(name)[1:-1]
+    for own in (str(model), model.name):
+        line = line.replace(json.dumps(own)[1:-1], shown)
+    facts: dict[str, Any] = json.loads(line)
+    return facts

@@ -43,7 +43,10 @@ def test_a_model_becomes_a_file_that_can_be_queued(
     assert answer.status_code == 201, answer.text
     task = wait_for_end(server, answer.json()["id"])
     assert task["state"] == "done", task
-    assert task["facts"]["layers"] > 5
+    (facts,) = task["facts"]
+    assert facts["layers"] > 5
+    assert facts["models"][0]["file"] == "a b.stl"
+    assert str(tmp_path) not in json.dumps(task)
     (file,) = queue.list_files()
     assert file.name == "a b.gcode"
     assert task["files"] == [file.id]
@@ -100,7 +103,7 @@ def test_the_layer_plans_of_a_model_are_compared(
     sent = form(("printer", None, b"left"), ("file", "a.stl", model(tmp_path)))
     task = wait_for_end(server, server.post("/v1/plans", **sent).json()["id"])
     assert (task["state"], task["command"]) == ("done", "plan"), task
-    plans = task["facts"]["plans"]
+    plans = task["facts"][0]["plans"]
     assert len(plans) >= 2
     assert {"plan", "layers", "seconds", "max_error_mm"} <= set(plans[0])
     assert (task["files"], queue.list_files()) == ([], ())
@@ -114,3 +117,15 @@ def test_the_profiles_and_printers_have_names(server: ServerClient) -> None:
     printers = server.get("/v1/printers").json()
     assert [one["name"] for one in printers] == ["left", "right"]
     assert "port" not in printers[0]
+
+
+def test_each_plate_becomes_a_file(server: ServerClient, queue: PrintQueue, tmp_path: Path) -> None:
+    ps.export_stl(box((90, 90, 0.4)), tmp_path / "box.stl")
+    settings = json.dumps({"planner.kind": "uniform", "layer_height": "0.2"}).encode()
+    fields = (("printer", None, b"left"), ("copies", None, b"5"), ("settings", None, settings))
+    sent = form(*fields, ("file", 'a"b.stl', (tmp_path / "box.stl").read_bytes()))
+    task = wait_for_end(server, server.post("/v1/slices", **sent).json()["id"])
+    assert task["state"] == "done", task
+    assert len(task["files"]) == len(task["facts"]) == 2
+    assert [queue.find_file(file).name for file in task["files"]] == ['a"b-1.gcode', 'a"b-2.gcode']
+    assert [facts["plate"] for facts in task["facts"]] == [1, 2]

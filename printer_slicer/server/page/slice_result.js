@@ -24,7 +24,7 @@ export function makePlans(task, use) {
     return make("tr", {}, make("th", { scope: "row" }, plan.plan), ...texts.map((text) => make("td", {}, text)), make("td", {}, button));
   };
   const titles = ["Plan", "Layers", "Time", "Deviation", ""].map((text) => make("th", { scope: "col" }, text));
-  const table = make("table", { class: "figures" }, make("caption", { tabIndex: -1 }, `Layer plans of ${task.name}`), make("tr", {}, ...titles), ...task.facts.plans.map(makeRow));
+  const table = make("table", { class: "figures" }, make("caption", { tabIndex: -1 }, `Layer plans of ${task.name}`), make("tr", {}, ...titles), ...task.facts[0].plans.map(makeRow));
   return make("div", { class: "card" }, table);
 }
 
@@ -40,12 +40,23 @@ export async function makeSlicedFiles(task) {
 
 /** Return the findings of a task. */
 function makeFindings({ name, message, facts }) {
-  const lines = message.split("\n").filter(Boolean);
+  const found = [...message.split("\n"), ...facts.flatMap((one) => [...(one.warnings ?? []), ...describeOverhangs(one.overhangs)])];
+  const lines = [...new Set(found.filter(Boolean))];
   const list = make("ul", {}, ...lines.map((line) => make("li", {}, line)));
-  const error = facts.certificate?.max_error_mm;
-  const accuracy = error === undefined ? "" : ` · the layers deviate from the surface by at most ${error.toFixed(2)} mm`;
+  const errors = facts.map((one) => one.certificate?.max_error_mm).filter((one) => one !== undefined);
+  const error = Math.max(...errors);
+  const accuracy = errors.length === 0 ? "" : ` · the layers deviate from the surface by at most ${error.toFixed(2)} mm`;
   const title = lines.length ? "Findings" : "No findings";
   return make("div", { class: "card" }, make("h3", { tabIndex: -1 }, `${name} is sliced`), make("p", {}, `${title}${accuracy}`), list);
+}
+
+/** Return what the overhangs without supports are, one sentence each. @param {any} facts null if there are none */
+function describeOverhangs(facts) {
+  if (!facts) return [];
+  const { islands, area_mm2: area, threshold_deg: angle, largest } = facts;
+  const place = largest.length ? `, the largest at z ${largest[0].z.toFixed(1)} mm` : "";
+  const texts = [`${area.toFixed(0)} mm² of overhangs are flatter than ${angle}° and have no supports${place}`];
+  return islands ? [`${islands} islands begin with nothing below them`, ...texts] : texts;
 }
 
 /** Return a sliced file with its layers and the form that prints it. */
