@@ -12,7 +12,7 @@ import { loadPreview } from "./preview_store.js";
  */
 export function makeLayerBrowser(file) {
   const picture = makeLayerPicture();
-  const slider = make("input", { type: "range", min: 1, max: 1, value: 1 });
+  const slider = make("input", { type: "range", min: 1, max: 1, value: 1, disabled: true });
   const text = make("output", { class: "figures" }, "Loading the layers …");
   const show = (loaded) => {
     const layer = slider.valueAsNumber - 1;
@@ -27,6 +27,7 @@ export function makeLayerBrowser(file) {
       const loaded = await loadPreview(file);
       slider.max = String(loaded.preview.layers.z.length);
       slider.value = String(Math.ceil(loaded.preview.layers.z.length / 2));
+      slider.disabled = false;
       slider.addEventListener("input", () => show(loaded));
       show(loaded);
     } catch (error) {

@@ -35,6 +35,7 @@ export function makeSliceTask() {
   const run = async (path, model, fields) => {
     setShown(element, true);
     setShown(cancel, false);
+    element.scrollIntoView({ block: "nearest" });
     setText(text, `Uploading ${model.name}`);
     try {
       task = await uploadFile(path, { ...fields, file: model }, (share) => (bar.value = share));
