@@ -10,6 +10,7 @@ from secrets import token_hex
 from shutil import rmtree
 from typing import Final
 
+from anyio import CapacityLimiter
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -33,12 +34,11 @@ from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import (
     SESSION_COOKIE,
     Operation,
-    read_body,
     require_access,
     run_operation,
 )
 from printer_slicer.server.problems import Problem, ProblemError, make_problem_error, respond_with_problem
-from printer_slicer.server.receiving import receive_upload
+from printer_slicer.server.receiving import MAX_SLOW_REQUESTS, read_body, receive_upload, run_slow_work
 from printer_slicer.server.services import Services
 from printer_slicer.server.slicing import MODEL_ENDINGS, SliceCommand, SliceRequest, SliceTask
 from printer_slicer.server.uploads import FormReader
@@ -90,6 +90,7 @@ def make_app(services: Services) -> Starlette:
         lifespan=run,
     )
     app.state.services, app.state.feed, app.state.sockets = services, feed, Counter[str]()
+    app.state.slow_work = CapacityLimiter(MAX_SLOW_REQUESTS)
     return app
 
 
@@ -111,7 +112,7 @@ async def _upload_file(request: Request) -> Response:
         return services.queue.add_file(form.find_file(), form.read_file())
 
     file = await receive_upload(request, store)
-    facts = await run_in_threadpool(services.reader.read, file.id)
+    facts = await run_slow_work(request, services.reader.read, file.id)
     return Response(encode_json((file, facts)), 201, media_type="application/json")
 
 
@@ -138,7 +139,7 @@ async def _download_file(request: Request) -> Response:
 async def _view_file(request: Request) -> Response:
     """Answer with a page that shows the layers and moves of a file."""
     file = await _find_readable_file(request)
-    page = await run_in_threadpool(request.app.state.services.reader.make_page, file.id)
+    page = await run_slow_work(request, request.app.state.services.reader.make_page, file.id)
     policy = f"{make_view_policy()}; frame-ancestors 'none'"
     return Response(page, media_type="text/html", headers={"content-security-policy": policy})
 

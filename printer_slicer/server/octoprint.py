@@ -18,8 +18,9 @@ from starlette.routing import BaseRoute, Route
 
 from printer_slicer.print_queue import PrintQueue, QueuedFile
 from printer_slicer.server.json_values import decode_json
-from printer_slicer.server.operations import find_access, read_body
+from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.receiving import read_body, run_slow_work
 from printer_slicer.server.targets import QUEUED, Target, find_target, queue_job, receive_file
 from printer_slicer.version import VERSION
 
@@ -206,7 +207,7 @@ def _make_command(run: Callable[[Request, dict[str, Any]], None]) -> Callable[[R
             body = decode_json(await read_body(request), dict[str, Any])
         except ValueError:
             raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON') from None
-        await run_in_threadpool(run, request, body)
+        await run_slow_work(request, run, request, body)
         return Response(status_code=204)
 
     return answer

@@ -13,6 +13,7 @@ from printer_slicer.server.access import Access, Permission
 from printer_slicer.server.guard import check_same_origin
 from printer_slicer.server.json_values import decode_json, encode_json
 from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.receiving import read_body, run_slow_work
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
@@ -21,12 +22,10 @@ __all__ = [
     "CheckedRequest",
     "Operation",
     "find_access",
-    "read_body",
     "require_access",
     "run_operation",
 ]
 
-_MAX_BODY: int = 64 * 1024
 SESSION_COOKIE = "printer_slicer_session"
 
 
@@ -59,6 +58,7 @@ class Operation(Struct, frozen=True):
         run: carries it out, in a thread; what it returns becomes JSON, None an empty response.
         body: type of the body; None if it has none.
         result: type of the result, for the description of the interface.
+        is_slow: whether it may take long.
     """
 
     method: str
@@ -68,6 +68,7 @@ class Operation(Struct, frozen=True):
     run: Callable[[CheckedRequest], Any]
     body: type | None = None
     result: Any = None
+    is_slow: bool = False
 
 
 def find_access(request: Request) -> Access:
@@ -112,6 +113,8 @@ async def run_operation(operation: Operation, request: Request) -> Response:
         ProblemError: it cannot be carried out.
     """
     data = b"" if operation.body is None else await read_body(request)
+    if operation.is_slow:
+        return await run_slow_work(request, _run_in_thread, operation, request, data)
     return await run_in_threadpool(_run_in_thread, operation, request, data)
 
 
@@ -127,20 +130,6 @@ def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Respo
         return Response(status_code=204)
     status = 201 if operation.method == "POST" and operation.result is not None else 200
     return Response(encode_json(result), status, media_type="application/json")
-
-
-async def read_body(request: Request) -> bytes:
-    """Read a body that is small.
-
-    Raises:
-        ProblemError: it is too large.
-    """
-    body = b""
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > _MAX_BODY:
-            raise ProblemError(413, f"the body is larger than {_MAX_BODY // 1024} kB", "Send less")
-    return body
 
 
 def _decode_body(data: bytes, kind: type) -> Any:

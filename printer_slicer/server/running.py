@@ -17,6 +17,7 @@ from printer_slicer.print_queue.supervisor import lock_queue
 from printer_slicer.printing.job_store import default_job_store
 from printer_slicer.server.access import AccessStore
 from printer_slicer.server.app import make_app
+from printer_slicer.server.connections import MAX_CONNECTIONS, LimitedConnection
 from printer_slicer.server.guard import GuardSettings
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
@@ -25,7 +26,6 @@ __all__ = ["Listener", "check_listener", "parse_listener", "run_server"]
 
 _LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
 _MAX_FRAME: Final = 64 * 1024  # bytes from a browser
-_MAX_REQUESTS: Final = 200  # at the same time
 
 
 class Listener(Struct, frozen=True):
@@ -139,7 +139,8 @@ def _configure(services: Services, listener: Listener) -> uvicorn.Config:
         server_header=False,
         proxy_headers=bool(listener.proxy),
         forwarded_allow_ips=listener.proxy or None,
-        limit_concurrency=_MAX_REQUESTS,
+        http=LimitedConnection,
+        limit_concurrency=MAX_CONNECTIONS,
         ws="websockets-sansio",
         ws_max_size=_MAX_FRAME,
         timeout_graceful_shutdown=1,

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 
 from printer_slicer.print_queue import JobRequest, PrinterState, QueuedFile
 from printer_slicer.server.access import Access
 from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
-from printer_slicer.server.receiving import receive_upload
+from printer_slicer.server.receiving import receive_upload, run_slow_work
 from printer_slicer.server.services import Services
 from printer_slicer.server.uploads import FormReader
 from printer_slicer.values import Struct
@@ -71,7 +70,7 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
     wants_print = fields.get("print", "").strip().lower() in _TRUE
     if wants_print:
         target.access.require("print", target.printer.name)
-        await run_in_threadpool(queue_job, target, file)
+        await run_slow_work(request, queue_job, target, file)
     return file, wants_print
 
 
