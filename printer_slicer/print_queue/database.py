@@ -71,13 +71,13 @@ MIGRATIONS: Final[tuple[str, ...]] = (
 
 
 @contextmanager
-def _explain_errors(path: Path) -> Iterator[None]:
-    """Raise errors of the disk and of locks as `OutputError`."""
+def _explain_errors(path: Path, subject: str) -> Iterator[None]:
+    """Raise errors of the disk and of locks as `OutputError`, which names what the database holds."""
     try:
         yield
     except sqlite3.OperationalError as error:
         raise OutputError(
-            f"{path}: the queue cannot be read or written: {error}",
+            f"{path}: the {subject} cannot be read or written: {error}",
             remedy="Check the free space and the permissions, and that no other program has locked the file",
         ) from None
 
@@ -88,12 +88,14 @@ class QueueDatabase:
     Args:
         path: file of the database; it is created if it is missing, its folder is not.
         migrations: statements that lead from each version of the schema to the next.
+        subject: what the database holds, for messages.
 
     Raises:
         OutputError: the file is no database, or that of a newer version of this program.
     """
 
-    def __init__(self, path: Path, migrations: Sequence[str] = MIGRATIONS) -> None:
+    def __init__(self, path: Path, migrations: Sequence[str] = MIGRATIONS, *, subject: str = "queue") -> None:
+        self._subject = subject
         self._path, self._migrations, self._lock = path, migrations, RLock()
         try:
             path.touch(mode=0o600)
@@ -108,8 +110,8 @@ class QueueDatabase:
             self._migrate()
         except (sqlite3.Error, OSError) as error:
             raise OutputError(
-                f"{path}: the database of the queue cannot be opened: {error}",
-                remedy="Check the permissions and the free space, or move the file away to begin with an empty queue",
+                f"{path}: the database of the {subject} cannot be opened: {error}",
+                remedy="Check the permissions and the free space, or move the file away to begin without it",
             ) from None
 
     def close(self) -> None:
@@ -123,7 +125,7 @@ class QueueDatabase:
         Raises:
             OutputError: the database cannot be read.
         """
-        with self._lock, _explain_errors(self._path):
+        with self._lock, _explain_errors(self._path, self._subject):
             return self._connection.execute(statement, values).fetchall()
 
     @contextmanager
@@ -136,7 +138,7 @@ class QueueDatabase:
         Raises:
             OutputError: the database cannot be written, for example because the disk is full.
         """
-        with self._lock, _explain_errors(self._path):
+        with self._lock, _explain_errors(self._path, self._subject):
             self._connection.execute("BEGIN IMMEDIATE" if changes else "BEGIN")
             try:
                 if changes:
@@ -158,7 +160,7 @@ class QueueDatabase:
             return
         if version > len(self._migrations):
             raise OutputError(
-                f"{self._path}: the queue belongs to a newer version of this program",
+                f"{self._path}: the {self._subject} belongs to a newer version of this program",
                 remedy="Update it: pip install -U printer-slicer",
             )
         if version > 0:

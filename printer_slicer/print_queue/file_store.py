@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import secrets
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
+from shutil import disk_usage
 from time import time
 from typing import Final, NamedTuple
 
@@ -19,6 +21,8 @@ __all__ = ["DEFAULT_MAX_BYTES", "FileStore", "StoredContent"]
 DEFAULT_MAX_BYTES: Final = 512 * 1024 * 1024
 """Largest file, bytes."""
 
+_FREE_BYTES: Final = 32 * 1024 * 1024  # that an upload leaves to the database and to running prints
+_STEP: Final = 8 * 1024 * 1024  # bytes between two looks at the free space
 _DAY: Final = 86400.0  # s
 _ID_LENGTH: Final = 64  # digits of a SHA-256
 
@@ -112,7 +116,7 @@ class FileStore:
         flags = (
             os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
         )
-        digest, size = hashlib.sha256(), 0
+        digest, size, looked = hashlib.sha256(), 0, -_STEP
         with os.fdopen(os.open(partial, flags, 0o600), "wb") as file:
             for piece in pieces:
                 size += len(piece)
@@ -121,6 +125,9 @@ class FileStore:
                         f"the file is larger than {self._max_bytes / 1e6:.3g} MB",
                         remedy="Slice it with fewer details, or split it",
                     )
+                if size - looked >= _STEP:
+                    looked = size
+                    _check_free_space(self._folder)
                 digest.update(piece)
                 file.write(piece)
             file.flush()
@@ -132,3 +139,13 @@ class FileStore:
         target.parent.mkdir(exist_ok=True, mode=0o700)
         partial.replace(target)
         sync_folder(target.parent)
+
+
+def _check_free_space(folder: Path) -> None:
+    """Check that a full disk will not stop the queue and the prints that write to it.
+
+    Raises:
+        OSError: too little is free.
+    """
+    if disk_usage(folder).free < _FREE_BYTES:
+        raise OSError(errno.ENOSPC, f"less than {_FREE_BYTES >> 20} MB are free")

@@ -43,6 +43,7 @@ MAX_COPIES: Final = 1000
 """Largest number of jobs that one request adds."""
 
 _POLL_INTERVAL: Final = 0.1  # s
+_MAX_NUMBER: Final = (1 << 63) - 1  # of SQLite
 _LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
     "done": "done",
@@ -220,7 +221,7 @@ class PrintQueue:
         Raises:
             UsageError: there is none with this number.
         """
-        rows = self._database.read(f"{_SELECT_JOB} WHERE id = ?", job)
+        rows = self._database.read(f"{_SELECT_JOB} WHERE id = ?", _clip_number(job))
         return _make_job(rows[0]) if rows else _raise_missing_job(job)
 
     def list_ended_jobs(self, most: int = 100) -> tuple[QueuedJob, ...]:
@@ -490,6 +491,11 @@ def _make_run(row: sqlite3.Row) -> PrintRun:
     return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"])})
 
 
+def _clip_number(job: int) -> int:
+    """Return the number of a job, or one that no job has if SQLite cannot hold it."""
+    return max(-1, min(job, _MAX_NUMBER))
+
+
 def _insert_job(connection: sqlite3.Connection, values: dict[str, Any]) -> int:
     """Insert a job at the end of the queue; return its number."""
     position = connection.execute("SELECT coalesce(max(position), 0) + 1 FROM job").fetchone()[0]
@@ -507,7 +513,7 @@ def _read_state(connection: sqlite3.Connection, job: int) -> JobState:
     Raises:
         UsageError: there is none with this number.
     """
-    row = connection.execute("SELECT state FROM job WHERE id = ?", (job,)).fetchone()
+    row = connection.execute("SELECT state FROM job WHERE id = ?", (_clip_number(job),)).fetchone()
     state: JobState = row["state"] if row else _raise_missing_job(job)
     return state
 

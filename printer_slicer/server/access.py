@@ -109,7 +109,7 @@ class AccessStore:
     """Keys and sessions, in an SQLite file that is created if it is missing."""
 
     def __init__(self, path: Path) -> None:
-        self._database = QueueDatabase(path, _MIGRATIONS)
+        self._database = QueueDatabase(path, _MIGRATIONS, subject="access keys")
         self._links: dict[bytes, float] = {}
         self._lock = Lock()
 

@@ -30,7 +30,7 @@ from printer_slicer.server.bodies import (
     ProfileNames,
 )
 from printer_slicer.server.operations import CheckedRequest, Operation
-from printer_slicer.server.slicing import SliceTask
+from printer_slicer.server.slicing import SliceTask, check_profile_name
 from printer_slicer.server.temperatures import TemperatureSample
 from printer_slicer.values import replace
 
@@ -182,6 +182,7 @@ def _set_bed(call: CheckedRequest) -> QueueSnapshot:
 def _set_material(call: CheckedRequest) -> QueueSnapshot:
     printer = call.path["printer"]
     call.access.require("control", printer)
+    check_profile_name(call.body.material)
     call.services.queue.set_material(printer, call.body.material)
     return call.services.queue.snapshot()
 
@@ -193,7 +194,7 @@ def _command_print(call: CheckedRequest) -> dict[str, Any]:
 
 
 _ANY_PRINTER: Final = "*"  # no name of a printer: a key for one printer does not change jobs for any
-_JOB: Final = "/v1/jobs/{job:int}"
+_JOB: Final = "/v1/jobs/{job:job_number}"
 _PRINTER: Final = "/v1/printers/{printer}"
 
 OPERATIONS: Final = (

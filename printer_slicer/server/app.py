@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -47,6 +48,7 @@ __all__ = ["make_app"]
 
 _MAX_SOCKETS: Final = 50
 _MAX_SOCKETS_PER_ADDRESS: Final = 20
+_ONE_RANGE: Final = re.compile(r"bytes=(\d{1,18}-\d{0,18}|-\d{1,18})")
 _TICK: Final = 0.2  # s between messages to one browser
 _PING: Final = 5.0  # s between looks whether a session still exists
 
@@ -124,15 +126,18 @@ async def _find_readable_file(request: Request) -> QueuedFile:
         file = await run_in_threadpool(services.queue.find_file, request.path_params["file"])
     except PrinterSlicerError as error:
         raise make_problem_error(error, 404) from None
-    if not await run_in_threadpool(services.queue.files.contains, file.id):
-        raise ProblemError(404, f"{file.name} was deleted", "Upload the file again")
+    path = services.queue.files.find_path(file.id)
+    if path.is_symlink() or not await run_in_threadpool(services.queue.files.contains, file.id):
+        raise ProblemError(404, f"the content of {file.name} is missing", "Upload the file again")
     return file
 
 
 async def _download_file(request: Request) -> Response:
-    """Answer with the content of a file, which browsers save and never show."""
+    """Answer with the content of a file, which browsers save and never show. Several ranges mean the whole file."""
     file = await _find_readable_file(request)
     path = request.app.state.services.queue.files.find_path(file.id)
+    if not _ONE_RANGE.fullmatch(request.headers.get("range", "")):
+        request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
     return FileResponse(path, media_type="application/octet-stream", filename=file.name)
 
 

@@ -86,8 +86,8 @@ class LimitedConnection(HttpToolsProtocol):
         address = self.client[0] if self.client else ""
         if self.config.proxy_headers and address == self.config.forwarded_allow_ips:
             return False
-        clients = (getattr(one, "client", None) for one in self.connections)
-        return sum(client is not None and client[0] == address for client in clients) > _MAX_PER_ADDRESS
+        clients = [getattr(one, "client", None) for one in self.connections]
+        return [client[0] for client in clients if client].count(address) > _MAX_PER_ADDRESS
 
 
 def _cancel(timer: asyncio.TimerHandle | None) -> None:

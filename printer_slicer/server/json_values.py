@@ -25,6 +25,8 @@ def decode_json(data: bytes, kind: Any) -> Any:
         return msgspec.json.decode(data, type=kind)
     except msgspec.DecodeError as error:
         raise ValueError(str(error)) from None
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
 
 
 def describe_types(kinds: Sequence[Any]) -> tuple[list[dict[str, Any]], dict[str, Any]]:

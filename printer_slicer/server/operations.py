@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
+from starlette.convertors import Convertor, register_url_convertor
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -27,6 +28,23 @@ __all__ = [
 ]
 
 SESSION_COOKIE = "printer_slicer_session"
+
+
+class _JobNumberConvertor(Convertor[int]):
+    """The number of a job in a path: `{NAME:job_number}`."""
+
+    regex = "[0-9]{1,18}"
+
+    def convert(self, value: str) -> int:
+        """Return the number."""
+        return int(value)
+
+    def to_string(self, value: int) -> str:
+        """Return the digits."""
+        return str(value)
+
+
+register_url_convertor("job_number", _JobNumberConvertor())
 
 
 class CheckedRequest(Struct, frozen=True):

@@ -22,7 +22,7 @@ from printer_slicer.server.guard import GuardSettings
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
-__all__ = ["Listener", "check_listener", "parse_listener", "run_server"]
+__all__ = ["Listener", "check_listener", "make_server_config", "parse_listener", "run_server"]
 
 _LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
 _MAX_FRAME: Final = 64 * 1024  # bytes from a browser
@@ -114,10 +114,8 @@ def run_server(
     Raises:
         PortError: the address is in use, or not one of this computer.
     """
-    names = _LOOPBACK_NAMES if listener.is_loopback else (*_LOOPBACK_NAMES, listener.address)
-    guard = GuardSettings(frozenset((*names, *map(str.lower, listener.hosts))), frozenset(listener.origins))
-    services = Services(queue, access, guard, default_job_store())
-    server = _Server(_configure(services, listener), on_ready)
+    services = Services(queue, access, _make_guard_settings(listener), default_job_store())
+    server = _Server(make_server_config(services, listener), on_ready)
     try:
         with server.config.bind_socket() as listening, _RunningSupervisor(queue, say):
             server.run([listening])
@@ -128,8 +126,14 @@ def run_server(
         ) from None
 
 
-def _configure(services: Services, listener: Listener) -> uvicorn.Config:
-    """Return the settings of uvicorn."""
+def _make_guard_settings(listener: Listener) -> GuardSettings:
+    """Return which hosts and origins a server accepts."""
+    names = _LOOPBACK_NAMES if listener.is_loopback else (*_LOOPBACK_NAMES, listener.address)
+    return GuardSettings(frozenset((*names, *map(str.lower, listener.hosts))), frozenset(listener.origins))
+
+
+def make_server_config(services: Services, listener: Listener) -> uvicorn.Config:
+    """Return the settings of uvicorn for a server that these services answer."""
     return uvicorn.Config(
         make_app(services),
         host=listener.address,

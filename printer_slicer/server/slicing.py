@@ -26,7 +26,7 @@ from printer_slicer.print_queue.records import clean_name
 from printer_slicer.server.workers import FileReader
 from printer_slicer.values import Struct, replace
 
-__all__ = ["MODEL_ENDINGS", "SliceCommand", "SliceRequest", "SliceTask", "Slicer"]
+__all__ = ["MODEL_ENDINGS", "SliceCommand", "SliceRequest", "SliceTask", "Slicer", "check_profile_name"]
 
 MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 """Endings of the names of models."""
@@ -35,9 +35,20 @@ SliceCommand = Literal["slice", "plan"]
 
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
+_PROFILE_NAME: Final = re.compile(r"[A-Za-z0-9](?!.*\.toml$)[\w .+-]{0,79}")
 _STAGE: Final = re.compile(r"\s*[\d.]+ s  (.+)")
 _OWN_NAME: Final = re.compile(r" model\.\w+")  # of the file, which users do not know
 _USAGE: Final = 2  # exit code of the command
+
+
+def check_profile_name(name: str) -> None:
+    """Check that a text from outside names a profile, and is not the path of a file.
+
+    Raises:
+        UsageError: it is no name.
+    """
+    if not _PROFILE_NAME.fullmatch(name):
+        raise UsageError(f"{name[:40]!r} is no name of a profile", remedy="See printer-slicer profiles list")
 
 
 class SliceRequest(Struct, frozen=True):
@@ -172,6 +183,8 @@ class Slicer:
             raise UsageError(
                 f"{wrong[0][:40]!r} is no setting", remedy="See printer-slicer profiles settings"
             )
+        if request.quality:
+            check_profile_name(request.quality)
         entry = entries[request.printer]
         state = next(one for one in self._queue.snapshot().printers if one.name == request.printer)
         options = [("printer", entry.profile), ("material", state.material), ("copies", request.copies)]
