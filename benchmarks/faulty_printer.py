@@ -171,8 +171,8 @@ def main() -> int:
         "strays": printer.strays,
         "after_reset": printer.after_reset,
         "seconds": printer.last - printer.first,
-        "starvations": machine_report.underruns,
-        "starved_seconds": machine_report.underrun_seconds,
+        "underruns": machine_report.underruns,
+        "underrun_seconds": machine_report.underrun_seconds,
         "motion_seconds": machine_report.motion_seconds,
         "line_errors": machine_report.line_errors,
     }

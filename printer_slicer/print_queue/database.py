@@ -66,6 +66,14 @@ MIGRATIONS: Final[tuple[str, ...]] = (
     CREATE UNIQUE INDEX one_run_per_job ON run (job) WHERE ended IS NULL;
     CREATE INDEX job_order ON job (state, position);
     """,
+    """
+    CREATE TABLE request (
+        id TEXT PRIMARY KEY,
+        content TEXT NOT NULL,
+        jobs TEXT NOT NULL,
+        added REAL NOT NULL
+    ) STRICT
+    """,
 )
 """The statements that lead from each version of the schema to the next; the version is `user_version`."""
 

@@ -36,6 +36,7 @@ from printer_slicer.print_queue.records import (
 )
 from printer_slicer.printing.job_store import is_same_port
 from printer_slicer.saving import make_folder
+from printer_slicer.values import as_dict
 
 __all__ = ["MAX_COPIES", "PrintQueue", "occupy_bed_on_port", "open_queue"]
 
@@ -43,6 +44,7 @@ MAX_COPIES: Final = 1000
 """Largest number of jobs that one request adds."""
 
 _POLL_INTERVAL: Final = 0.1  # s
+_REQUEST_SECONDS: Final = 86400.0  # in which a request is recognised when it is sent again
 _MAX_NUMBER: Final = (1 << 63) - 1  # of SQLite
 _LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
@@ -185,12 +187,20 @@ class PrintQueue:
 
     # Jobs.
 
-    def add_jobs(self, file_id: str, request: JobRequest | None = None) -> tuple[QueuedJob, ...]:
+    def add_jobs(
+        self, file_id: str, request: JobRequest | None = None, *, request_id: str = ""
+    ) -> tuple[QueuedJob, ...]:
         """Add a job for a file, or several with `copies`.
 
+        Args:
+            file_id: id of the file.
+            request: what is wanted of the jobs.
+            request_id: text that the sender chose; the same request with it adds nothing within a day, and its jobs
+                are returned again. Empty: none.
+
         Raises:
-            UsageError: there is no such file or printer, the file was deleted, or the number of copies or a name of a
-                finding is invalid.
+            UsageError: there is no such file or printer, the file was deleted, the number of copies or a name of a
+                finding is invalid, or another request has the same `request_id`.
         """
         request = request or JobRequest()
         file = self.find_file(file_id)
@@ -207,12 +217,16 @@ class PrintQueue:
             "allow": allow,
             "added": time(),
         }
+        content = json.dumps([file_id, as_dict(request)])
         with self._database.transaction() as connection:
-            self._require_content(file_id)
-            numbers = [_insert_job(connection, values) for _ in range(request.copies)]
-            if request.first:
-                waiting = _read_order(connection)
-                _write_order(connection, [*numbers, *(one for one in waiting if one not in numbers)])
+            numbers = _find_jobs_of_request(connection, request_id, content)
+            if not numbers:
+                self._require_content(file_id)
+                numbers = [_insert_job(connection, values) for _ in range(request.copies)]
+                _store_request(connection, request_id, content, numbers)
+                if request.first:
+                    waiting = _read_order(connection)
+                    _write_order(connection, [*numbers, *(one for one in waiting if one not in numbers)])
         return tuple(self.find_job(number) for number in numbers)
 
     def find_job(self, job: int) -> QueuedJob:
@@ -489,6 +503,35 @@ def _make_run(row: sqlite3.Row) -> PrintRun:
     """Make a run from its row."""
     values: dict[str, Any] = dict(row)
     return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"])})
+
+
+def _find_jobs_of_request(connection: sqlite3.Connection, request_id: str, content: str) -> list[int]:
+    """Return the jobs that a request has added before; empty if it is new.
+
+    Raises:
+        UsageError: it has the id of another request.
+    """
+    statement = "SELECT content, jobs FROM request WHERE id = ? AND added > ?"
+    row = connection.execute(statement, (request_id, time() - _REQUEST_SECONDS)).fetchone()
+    if row is None or not request_id:
+        return []
+    if row["content"] != content:
+        raise UsageError(
+            "another request had the same idempotency key", remedy="Choose a new key for each request"
+        )
+    numbers: list[int] = json.loads(row["jobs"])
+    return numbers
+
+
+def _store_request(
+    connection: sqlite3.Connection, request_id: str, content: str, numbers: Sequence[int]
+) -> None:
+    """Store which jobs a request has added, and delete old requests."""
+    if request_id:
+        now = time()
+        connection.execute("DELETE FROM request WHERE added <= ?", (now - _REQUEST_SECONDS,))
+        row = (request_id, content, json.dumps(list(numbers)), now)
+        connection.execute("INSERT INTO request VALUES (?, ?, ?, ?)", row)
 
 
 def _clip_number(job: int) -> int:

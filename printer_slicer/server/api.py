@@ -101,7 +101,7 @@ def _add_jobs(call: CheckedRequest) -> tuple[QueuedJob, ...]:
     call.access.require("print", body.printer)
     call.services.reader.read(body.file)
     request = replace(body, printer=body.printer or call.access.printer)
-    return call.services.queue.add_jobs(body.file, request)
+    return call.services.queue.add_jobs(body.file, request, request_id=call.request_id)
 
 
 def _list_slices(call: CheckedRequest) -> tuple[SliceTask, ...]:

@@ -23,10 +23,12 @@ __all__ = [
     "CheckedRequest",
     "Operation",
     "find_access",
+    "read_request_id",
     "require_access",
     "run_operation",
 ]
 
+_MAX_REQUEST_ID: int = 200
 SESSION_COOKIE = "printer_slicer_session"
 
 
@@ -56,6 +58,7 @@ class CheckedRequest(Struct, frozen=True):
         path: parameters in the path.
         query: parameters behind the question mark.
         body: the decoded body; None without one.
+        request_id: of the header `Idempotency-Key`, see `read_request_id`.
     """
 
     services: Services
@@ -63,6 +66,7 @@ class CheckedRequest(Struct, frozen=True):
     path: Mapping[str, Any]
     query: Mapping[str, str]
     body: Any = None
+    request_id: str = ""
 
 
 class Operation(Struct, frozen=True):
@@ -141,13 +145,30 @@ def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Respo
     access = require_access(request, operation.permission)
     body = None if operation.body is None else _decode_body(data, operation.body)
     call = CheckedRequest(
-        request.app.state.services, access, request.path_params, dict(request.query_params), body
+        request.app.state.services,
+        access,
+        request.path_params,
+        dict(request.query_params),
+        body,
+        read_request_id(request, access),
     )
     result = operation.run(call)
     if result is None:
         return Response(status_code=204)
     status = 201 if operation.method == "POST" and operation.result is not None else 200
     return Response(encode_json(result), status, media_type="application/json")
+
+
+def read_request_id(request: Request, access: Access) -> str:
+    """Return the id that the sender gave to a request in the header `Idempotency-Key`; empty without one.
+
+    Raises:
+        ProblemError: it is too long.
+    """
+    given = request.headers.get("idempotency-key", "")
+    if len(given) > _MAX_REQUEST_ID:
+        raise ProblemError(400, f"the idempotency key is longer than {_MAX_REQUEST_ID} letters", "Shorten it")
+    return f"{access.name}: {given}" if given else ""
 
 
 def _decode_body(data: bytes, kind: type) -> Any:

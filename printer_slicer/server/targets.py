@@ -8,7 +8,7 @@ from starlette.requests import Request
 
 from printer_slicer.print_queue import JobRequest, PrinterState, QueuedFile
 from printer_slicer.server.access import Access
-from printer_slicer.server.operations import find_access
+from printer_slicer.server.operations import find_access, read_request_id
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.receiving import receive_upload, run_slow_work
 from printer_slicer.server.services import Services
@@ -70,7 +70,7 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
     wants_print = fields.get("print", "").strip().lower() in _TRUE
     if wants_print:
         target.access.require("print", target.printer.name)
-        await run_slow_work(request, queue_job, target, file)
+        await run_slow_work(request, queue_job, target, file, read_request_id(request, target.access))
     return file, wants_print
 
 
@@ -87,9 +87,9 @@ def _check_kind(name: str) -> None:
         )
 
 
-def queue_job(target: Target, file: QueuedFile) -> None:
-    """Add a job for a file that was uploaded."""
+def queue_job(target: Target, file: QueuedFile, request_id: str = "") -> None:
+    """Add a job for a file that was uploaded, once for each id of a request."""
     facts = target.services.reader.read(file.id)
     if facts.problem:
         raise ProblemError(415, facts.problem, "Upload another file")
-    target.services.queue.add_jobs(file.id, JobRequest(printer=target.printer.name))
+    target.services.queue.add_jobs(file.id, JobRequest(printer=target.printer.name), request_id=request_id)
