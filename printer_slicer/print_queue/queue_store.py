@@ -430,6 +430,10 @@ class PrintQueue:
         """Return the ids of all runs, also of those that have ended."""
         return {row["id"] for row in self._database.read("SELECT id FROM run")}
 
+    def list_old_runs(self, ended_before: float) -> list[str]:
+        """Return the ids of the runs that ended before a time, s since 1970."""
+        return [row["id"] for row in self._database.read("SELECT id FROM run WHERE ended < ?", ended_before)]
+
     def list_active_runs(self) -> tuple[PrintRun, ...]:
         """Return the runs that have not ended, the first one first."""
         return tuple(

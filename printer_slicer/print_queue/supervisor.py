@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from shutil import rmtree
 from threading import Event as Flag
+from time import time
 from typing import Final, Protocol
 
 from printer_slicer.errors import PortError, PrinterSlicerError, UsageError
@@ -48,6 +49,7 @@ __all__ = ["PrintProcess", "Supervisor", "is_supervised", "launch_run", "lock_qu
 _LOCK_FILE: Final = "supervisor.lock"
 _INTERVAL: Final = 0.5  # s between two looks at the running prints
 _LOCK_TIMEOUT: Final = 1.0  # s; `is_supervised` holds the lock for a moment
+_LOG_SECONDS: Final = 90 * 86400.0  # after the end of a run, in which its folder is kept
 _CANCEL_TIMEOUT: Final = 2.0  # s
 
 
@@ -145,9 +147,12 @@ class Supervisor:
                 Flag().wait(_INTERVAL)
 
     def recover(self) -> None:
-        """Delete what an interrupted supervisor or upload has left; call it once, before the first `step`."""
+        """Delete what is not needed any more; call it once, before the first `step`.
+
+        That is what an interrupted supervisor or upload has left, and the logs of runs that ended 90 days ago.
+        """
         self._queue.files.delete_interrupted_uploads()
-        known = self._queue.list_run_ids()
+        known = self._queue.list_run_ids().difference(self._queue.list_old_runs(time() - _LOG_SECONDS))
         for folder in self._queue.find_run_folder("").glob("*"):
             if folder.name not in known:
                 rmtree(folder, ignore_errors=True)

@@ -6,11 +6,13 @@ import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
+from time import time
 
 import pytest
 from queue_world import FACTS, PRINTERS, World
 
 from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.print_queue import queue_store
 from printer_slicer.print_queue.queue_store import MAX_COPIES, PrintQueue
 from printer_slicer.print_queue.records import JobRequest, clean_name
 from printer_slicer.print_queue.run_folder import try_to_claim
@@ -335,3 +337,20 @@ def test_a_deleted_file_is_gone_until_it_is_added_again(queue: PrintQueue) -> No
     add(queue)
     queue.release_job(job)
     assert [one.id for one in queue.list_files()] == [file.id]
+
+
+def test_folders_of_old_runs_are_deleted_and_their_history_stays(
+    queue: PrintQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = queue.add_file("part.gcode", [b"G28"])
+    for run, printer in (("old", "left"), ("new", "left"), ("running", "right")):
+        monkeypatch.setattr(queue_store, "time", lambda run=run: 0.0 if run != "new" else time())
+        (job,) = queue.add_jobs(file.id)
+        queue.set_bed(printer, "clear")
+        queue.find_run_folder(run).mkdir(parents=True)
+        assert queue.begin_run(run, job.id, printer)
+        if run != "running":
+            queue.end_run(run, "done", "")
+    Supervisor(queue).recover()
+    assert {path.name for path in queue.find_run_folder("").iterdir()} == {"new", "running"}
+    assert queue.list_run_ids() == {"old", "new", "running"}
