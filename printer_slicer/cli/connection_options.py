@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Final
 
 from printer_slicer.cli.arguments import parse_timeout
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.errors import PortError
+from printer_slicer.errors import PortError, UsageError
 
 __all__ = [
     "SIMULATED_PORT",
     "add_connection_options",
     "add_port_arguments",
     "occupy_queue_bed",
+    "read_server_key",
     "reject_simulated_port",
 ]
 
+_KEY_VARIABLE: Final = "PRINTER_SLICER_KEY"
 SIMULATED_PORT: Final = "sim:"
 """The port of `print` that stands for the simulated printer."""
+
+
+def read_server_key(key_file: Path | None, key: str | None = None) -> str:
+    """Return the API key or password of a server: from a file, as given, or from the environment.
+
+    Raises:
+        UsageError: the key file cannot be read.
+    """
+    if key_file is None:
+        return key or os.environ.get(_KEY_VARIABLE, "")
+    try:
+        text = key_file.expanduser().read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(
+            f"{key_file}: cannot be read: {reason}",
+            remedy="Name a file that contains the key in its first line",
+        ) from None
+    return next(iter(text.split()), "")
 
 
 def reject_simulated_port(port: str) -> None:

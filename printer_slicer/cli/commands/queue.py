@@ -13,6 +13,7 @@ from printer_slicer.cli.arguments import (
     add_printers_file_option,
     parse_positive_integer,
 )
+from printer_slicer.cli.connection_options import read_server_key
 from printer_slicer.cli.help import format_actions
 from printer_slicer.cli.output import print_result, print_text
 from printer_slicer.errors import UsageError
@@ -21,7 +22,7 @@ from printer_slicer.texts import format_duration
 from printer_slicer.values import as_dict
 
 if TYPE_CHECKING:
-    from printer_slicer.print_queue import PrinterState, PrintQueue, QueuedJob
+    from printer_slicer.print_queue import PrinterState, PrintQueue, QueuedFile, QueuedJob
 
 __all__ = ["EXAMPLES", "add_arguments", "run"]
 
@@ -74,6 +75,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--held", action="store_true", help="for add: hold the jobs until they are released")
     parser.add_argument("--first", action="store_true", help="for add: place the jobs before all others")
     parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
+    parser.add_argument(
+        "--server", metavar="URL", default="", help="the queue of printer-slicer serve at this address"
+    )
+    parser.add_argument(
+        "--key-file", metavar="FILE", type=Path, help="for --server: file with the key of the server"
+    )
     add_printers_file_option(parser)
     add_allow_option(parser)
     add_output_options(parser)
@@ -81,14 +88,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run an action on the queue, such as list or add."""
-    from printer_slicer.print_queue import open_queue
-
     _check_names(arguments)
-    queue = open_queue(printers_file=arguments.printers_file)
+    queue = _open_queue(arguments)
     try:
         return _ACTION_FUNCTIONS[arguments.what](arguments, queue)
     finally:
         queue.close()
+
+
+def _open_queue(arguments: argparse.Namespace) -> Any:
+    """Return the queue of this computer, or that of a server.
+
+    Raises:
+        UsageError: an option or action is for the other one.
+    """
+    if not arguments.server:
+        from printer_slicer.print_queue import open_queue
+
+        if arguments.key_file is not None:
+            raise UsageError("--key-file is for --server", remedy="Add --server URL, or remove --key-file")
+        return open_queue(printers_file=arguments.printers_file)
+    if arguments.what == "run" or arguments.printers_file is not None:
+        raise UsageError(
+            "the server starts the jobs and has its own printers",
+            remedy="Remove --server, or the action run and --printers-file",
+        )
+    from printer_slicer.server.queue_client import QueueClient
+
+    return QueueClient(arguments.server, read_server_key(arguments.key_file))
 
 
 def _check_names(arguments: argparse.Namespace) -> None:
@@ -128,7 +155,7 @@ def _parse_job(text: str) -> int:
 def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     """Add jobs for G-code files."""
     from printer_slicer.jobs import is_gcode
-    from printer_slicer.print_queue import JobRequest, read_file_facts
+    from printer_slicer.print_queue import JobRequest
 
     paths = [Path(name) for name in arguments.names]
     for path in paths:
@@ -139,9 +166,7 @@ def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     queue.list_printers()  # fails before a file is stored
     jobs: list[QueuedJob] = []
     for path in reversed(paths) if arguments.first else paths:
-        file = queue.add_file(path.name, _read_file(path))
-        if queue.read_facts(file.id) is None:
-            queue.store_facts(file.id, read_file_facts(queue.files.find_path(file.id), path.name))
+        file = _store_file(arguments, queue, path)
         request = JobRequest(
             name=path.name,
             printer=arguments.printer,
@@ -154,6 +179,19 @@ def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
         jobs += queue.add_jobs(file.id, request)
     lines = [f"job {job.id}: {job.name}{_describe_file(queue, job)}" for job in jobs]
     return print_result(arguments, {"jobs": [as_dict(job) for job in jobs]}, "\n".join(lines))
+
+
+def _store_file(arguments: argparse.Namespace, queue: Any, path: Path) -> QueuedFile:
+    """Store a file in the queue, and what it says about itself."""
+    from printer_slicer.print_queue import read_file_facts
+
+    if arguments.server:
+        uploaded: QueuedFile = queue.upload(path)
+        return uploaded
+    file: QueuedFile = queue.add_file(path.name, _read_file(path))
+    if queue.read_facts(file.id) is None:
+        queue.store_facts(file.id, read_file_facts(queue.files.find_path(file.id), path.name))
+    return file
 
 
 def _read_file(path: Path) -> Iterator[bytes]:
@@ -225,17 +263,20 @@ def _describe_state(job: QueuedJob) -> str:
 
 def _cancel(queue: PrintQueue, job: int) -> None:
     """Cancel a job; a print is asked to end at once, or else by the supervisor."""
+    from printer_slicer.print_queue import PrintQueue
     from printer_slicer.print_queue.supervisor import request_cancellation
 
     queue.cancel_job(job)
-    request_cancellation(queue, job)
+    if isinstance(queue, PrintQueue):
+        request_cancellation(queue, job)
 
 
-def _explain(arguments: argparse.Namespace, queue: PrintQueue) -> int:
+def _explain(arguments: argparse.Namespace, queue: Any) -> int:
     """Explain why a job waits."""
     from printer_slicer.print_queue import explain_job
 
-    found = explain_job(queue, _parse_job(arguments.names[0]))
+    number = _parse_job(arguments.names[0])
+    found = queue.explain(number) if arguments.server else explain_job(queue, number)
     lines = [": ".join(filter(None, (found.summary, found.remedy)))]
     if found.job.state in {"held", "ready"}:
         reasons = [("; ".join(one.reasons) or "ready to print it", one.remedy) for one in found.printers]

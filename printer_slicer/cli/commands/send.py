@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from time import monotonic
 from typing import Final
 
 from printer_slicer.cli.arguments import add_machine_options, add_output_options, parse_positive_integer
+from printer_slicer.cli.connection_options import read_server_key
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.output import BAR_DELAY, print_text
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
@@ -27,7 +27,6 @@ EXAMPLES: Final = """\
   printer-slicer send part.gcode --to prusalink http://mk4.local --key-file ~/.mk4.key
   printer-slicer send part.gcode --to duet http://duet.local --folder /gcodes/parts
   PRINTER_SLICER_KEY=... printer-slicer send part.gcode --to octoprint http://octopi.local"""
-_KEY_VARIABLE = "PRINTER_SLICER_KEY"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -95,7 +94,12 @@ def run(arguments: argparse.Namespace) -> int:
     with _show_upload_progress(arguments) as on_progress:
         upload = Upload(path, arguments.name or path.name, arguments.folder, arguments.start, on_progress)
         place = send(
-            upload, kind, url, key=_read_key(arguments), user=arguments.user, timeout=float(arguments.timeout)
+            upload,
+            kind,
+            url,
+            key=read_server_key(arguments.key_file, arguments.key),
+            user=arguments.user,
+            timeout=float(arguments.timeout),
         )
     size = path.stat().st_size
     if arguments.json:
@@ -125,25 +129,6 @@ def _check_file(arguments: argparse.Namespace) -> None:
     if not arguments.start:
         job = replace(job, findings=tuple(one for one in job.findings if one.code == "unsupported"))
     check_policy(arguments, job, refusal="not sent")
-
-
-def _read_key(arguments: argparse.Namespace) -> str:
-    """Return the API key or password from --key-file, --key or the environment.
-
-    Raises:
-        UsageError: the key file cannot be read.
-    """
-    if arguments.key_file is None:
-        return arguments.key or os.environ.get(_KEY_VARIABLE, "")
-    try:
-        text: str = arguments.key_file.expanduser().read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(
-            f"{arguments.key_file}: cannot be read: {reason}",
-            remedy="Name a file that contains the key in its first line",
-        ) from None
-    return next(iter(text.split()), "")
 
 
 @contextmanager
