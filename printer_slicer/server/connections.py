@@ -18,6 +18,7 @@ MAX_CONNECTIONS: Final = 200
 _MAX_PER_ADDRESS: Final = 100  # connections, so that one computer leaves some for others
 _HEAD_TIMEOUT: Final = 15.0  # s for the head of a request
 _WRITE_TIMEOUT: Final = 60.0  # s in which a client reads nothing of a response
+_MAX_UNWANTED: Final = 16 * 1024 * 1024  # bytes that a client may still send after the response
 _MAX_UNPARSED: Final = 64 * 1024  # bytes in a row that complete no head and are no content
 
 
@@ -26,7 +27,7 @@ class LimitedConnection(HttpToolsProtocol):
 
     _head_timer: asyncio.TimerHandle | None = None
     _write_timer: asyncio.TimerHandle | None = None
-    _unparsed = 0
+    _unparsed = _unwanted = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin a connection; one too many of an address is closed at once."""
@@ -58,6 +59,10 @@ class LimitedConnection(HttpToolsProtocol):
     def on_body(self, body: bytes) -> None:
         """Add a piece of the content of a request."""
         self._unparsed = 0
+        if self.cycle.response_complete:
+            self._unwanted += len(body)
+            if self._unwanted > _MAX_UNWANTED:
+                self.transport.abort()
         super().on_body(body)
 
     def on_response_complete(self) -> None:

@@ -144,6 +144,13 @@ def send_too_much_without_a_length(live: LiveServer) -> None:
     assert not list((live.queue.folder / "files" / "incoming").iterdir())
 
 
+def go_on_after_the_answer(live: LiveServer) -> None:
+    head = live.head("POST /v1/files", "Content-Length: 5368709120")
+    with live.connect() as connection:
+        assert is_sent(connection, head)
+        assert not all(is_sent(connection, b"x" * 65536) for _ in range(1000))
+
+
 def split_headers(live: LiveServer) -> None:
     for name in ("a%0d%0aSet-Cookie:%20x=1", "a\\r\\nSet-Cookie: x=1"):
         response = live.get(f"/printers/{name}/api/printer".replace(" ", "%20"))
@@ -268,6 +275,7 @@ ATTACKS = (
     confuse_lengths,
     send_100_000_parts,
     send_too_much_without_a_length,
+    go_on_after_the_answer,
     split_headers,
     forge_the_host,
     open_a_socket_from_another_page,
