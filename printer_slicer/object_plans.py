@@ -16,6 +16,7 @@ from printer_slicer.profile.planners import OptimalPlanner
 
 __all__ = [
     "PlanGroup",
+    "Plans",
     "extract_objects",
     "find_equal_groups",
     "find_plan_groups",
@@ -31,6 +32,8 @@ _SAME_PLACE: Final = 1e-6  # mm, for rounding of shifts
 
 PlanGroup = tuple[int, ...]
 """Indices of objects that must have the same plan."""
+Plans = LayerPlan | Sequence[LayerPlan] | Sequence[ObjectStack]
+"""One plan for all objects, one for each object, or the stacks of features."""
 
 
 def extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
@@ -41,7 +44,7 @@ def extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=volumes)
 
 
-def list_plans(part: Mesh, plan: LayerPlan | Sequence[LayerPlan]) -> list[LayerPlan]:
+def list_plans(part: Mesh, plan: Plans) -> list[LayerPlan]:
     """Return the plan of each object of a part.
 
     Args:
@@ -52,7 +55,11 @@ def list_plans(part: Mesh, plan: LayerPlan | Sequence[LayerPlan]) -> list[LayerP
         UsageError: the number of plans is not the number of objects.
     """
     n_objects = max(len(part.objects), 1)
-    plans = [plan] * n_objects if isinstance(plan, LayerPlan) else list(plan)
+    plans = (
+        [plan] * n_objects
+        if isinstance(plan, LayerPlan)
+        else [one for one in plan if isinstance(one, LayerPlan)]
+    )
     if len(plans) != n_objects:
         raise UsageError(
             f"{part.name}: {len(plans)} layer plans for {n_objects} objects",
@@ -72,18 +79,20 @@ def number_plans(plans: Sequence[LayerPlan]) -> list[int]:
 
 
 def make_stacks(
-    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], known: Mapping[PlanGroup, Mesh] | None = None
+    part: Mesh, plan: Plans, known: Mapping[PlanGroup, Mesh] | None = None
 ) -> tuple[ObjectStack, ...]:
     """Return the stacks of a part: objects with equal plans are in the same stack.
 
     Args:
         part: placed on the bed.
-        plan: one plan for all objects, or one for each.
+        plan: one plan for all objects, or one for each, or the stacks of features.
         known: meshes of some groups of objects.
 
     Raises:
         UsageError: the number of plans is not the number of objects.
     """
+    if not isinstance(plan, LayerPlan) and plan and isinstance(plan[0], ObjectStack):
+        return tuple(one for one in plan if isinstance(one, ObjectStack))
     plans = list_plans(part, plan)
     numbers = number_plans(plans)
     if not any(numbers):
@@ -97,10 +106,12 @@ def make_stacks(
     return tuple(stacks)
 
 
-def list_stack_plans(stacks: Sequence[ObjectStack]) -> LayerPlan | list[LayerPlan]:
-    """Return the plan of a single stack, or the plan of each object."""
+def list_stack_plans(stacks: Sequence[ObjectStack]) -> Plans:
+    """Return the plan of a single stack, or the plan of each object; or the stacks, if some are those of features."""
     if len(stacks) == 1:
         return stacks[0].plan
+    if stacks[0].whole_plan:
+        return stacks
     plans = {index: one.plan for one in stacks for index in one.objects}
     return [plans[index] for index in sorted(plans)]
 
@@ -112,7 +123,7 @@ def find_plan_groups(part: Mesh, profile: Profile) -> list[PlanGroup]:
     one group if their facets are unknown after a repair, or with `quality.spiral`.
     """
     planner, every = profile.quality.planner, tuple(range(max(len(part.objects), 1)))
-    own_plans = isinstance(planner, OptimalPlanner) and planner.stacks == "objects"
+    own_plans = isinstance(planner, OptimalPlanner) and planner.stacks != "one"
     if not own_plans or profile.quality.spiral or not all(item.count for item in part.objects):
         return [every]
     return _join_close_objects(part) if len(every) > 1 else [every]

@@ -14,7 +14,7 @@ from printer_slicer.geometry import difference, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
-from printer_slicer.object_plans import extract_objects, list_plans, number_plans
+from printer_slicer.object_plans import Plans, extract_objects, list_plans, number_plans
 from printer_slicer.overhang_grades import grade_overhangs
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import (
@@ -32,7 +32,7 @@ __all__ = ["cut_objects", "list_overridable_names", "make_object_paths", "separa
 _Groups = tuple[list[Mesh], list[LayerPlan], list[Profile]]
 
 
-def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
+def split_objects(part: Mesh, plan: Plans, profile: Profile) -> _Groups:
     """Split a part into groups of objects with the same layers and settings: meshes, layer plans, profiles.
 
     If all objects have the same layers and settings, the whole part is one group. An object with volumes that matter is
@@ -59,7 +59,7 @@ def split_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Pr
     )
 
 
-def separate_objects(part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile) -> _Groups:
+def separate_objects(part: Mesh, plan: Plans, profile: Profile) -> _Groups:
     """Split a part into all its objects: meshes, layer plans, profiles; arguments and errors as `split_objects`."""
     plans = list_plans(part, plan)
     object_names = _list_object_names(part)

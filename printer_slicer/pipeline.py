@@ -33,7 +33,7 @@ from printer_slicer.model import (
     Walls,
     stack_sections,
 )
-from printer_slicer.object_plans import list_stack_plans, make_stacks
+from printer_slicer.object_plans import Plans, list_stack_plans, make_stacks
 from printer_slicer.object_supports import (
     ObjectOverhangs,
     find_object_overhangs,
@@ -56,6 +56,7 @@ from printer_slicer.travels import travel
 from printer_slicer.values import replace
 
 if TYPE_CHECKING:
+    from printer_slicer.feature_layers import FeatureLayers
     from printer_slicer.modifiers import Modifier
 
 __all__ = [
@@ -74,7 +75,7 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     mesh: Mesh,
     profile: Profile,
     *,
-    plan: LayerPlan | Sequence[LayerPlan] | None = None,
+    plan: Plans | None = None,
     placement: Placement = IN_THE_MIDDLE,
     report: Report = quiet,
     strict: bool = False,
@@ -87,7 +88,8 @@ def slice_stages(  # noqa: PLR0913 - all options have defaults
     Args:
         mesh: the part, anywhere; it is repaired and placed.
         profile: printer, material and quality.
-        plan: the layer plan, or one for each object; default: the profile's planner makes it.
+        plan: the layer plan, or one for each object, or the stacks of features; default: the profile's planner makes
+            it.
         placement: position of the part; default: the middle of the bed.
         report: called with the name of each stage when it starts.
         strict: raise an error if the mesh needs repair.
@@ -144,7 +146,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     report: Report,
     strategies: Strategies,
     *,
-    plan: LayerPlan | Sequence[LayerPlan] | None = None,
+    plan: Plans | None = None,
     strict: bool = False,
     strict_supports: bool = False,
     keep: bool = True,
@@ -175,7 +177,7 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
 
 def slice_planned(  # noqa: PLR0913 - all options have defaults
     part: Mesh,
-    plan: LayerPlan | Sequence[LayerPlan],
+    plan: Plans,
     profile: Profile,
     report: Report = quiet,
     strategies: Strategies = BUILT_IN,
@@ -225,9 +227,7 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     return Stages(part, solid, walls, regions, *made_later, *found_overhangs, supports, stacks=stacks)
 
 
-def _slice_one_by_one(
-    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, run: Callable[..., Stages]
-) -> Stages:
+def _slice_one_by_one(part: Mesh, plan: Plans, profile: Profile, run: Callable[..., Stages]) -> Stages:
     """Slice each object of a part with a function, and join them so that they are printed one after the other."""
     from printer_slicer.sequential import join_stages, split_for_sequence  # noqa: PLC0415 - few plates need it
 
@@ -280,7 +280,7 @@ def _stand_on_raft(
 
 def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     part: Mesh,
-    plan: LayerPlan | Sequence[LayerPlan],
+    plan: Plans,
     profile: Profile,
     report: Report,
     strategies: Strategies,
@@ -291,16 +291,25 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None], list[Toolpaths], list[Profile]
 ]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
-    meshes, sections, own = _cut(part, plan, profile, report)
+    features = _list_feature_layers(plan)
+    meshes, sections, own = _cut(part, plan, features, profile, report)
     walls, regions = _divide(sections, own, report)
     modifiers = _cut_modifiers(meshes, sections, profile, own)
-    found = find_object_overhangs(meshes, sections, regions, own, modifiers, only_supported=trial)
+    seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
+    found = find_object_overhangs(
+        meshes[:seen], sections[:seen], regions[:seen], own[:seen], modifiers[:seen], only_supported=trial
+    )
     supports, support_paths = make_object_supports(found, sections, regions, report)
     regions, modified = _divide_by_modifiers(regions, sections, walls, modifiers)
     report("toolpaths")
     paths, profiles = make_object_paths(
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill, modified
     )
+    if features:
+        paths = [features[k // 2].select_paths(one) for k, one in enumerate(paths)]
+        sections = [one.select_sections(made) for one, made in zip(features, sections, strict=True)]
+        walls = [one.select_walls(made) for one, made in zip(features, walls, strict=True)]
+        regions = [made.take(one.printed) for one, made in zip(features, regions, strict=True)]
     regions = [*regions, *(inside for several in modified for inside, _ in several)]
     if not keep:
         walls = [one.without_paths() for one in walls]
@@ -315,10 +324,25 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     return made, [*paths, *support_paths], profiles
 
 
+def _list_feature_layers(plan: Plans) -> list[FeatureLayers]:
+    """Return the layers of the part and of each feature; an empty list if the plans are not those of features."""
+    if isinstance(plan, LayerPlan) or isinstance(plan[0], LayerPlan):
+        return []
+    from printer_slicer.feature_layers import list_feature_layers  # noqa: PLC0415 - off by default
+
+    return list_feature_layers(plan)
+
+
 def _cut(
-    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, report: Report
+    part: Mesh, plan: Plans, features: list[FeatureLayers], profile: Profile, report: Report
 ) -> tuple[list[Mesh], list[Sections], list[Profile]]:
-    """Return the mesh, the sections and the profile of each object."""
+    """Return the mesh, the sections and the profile of each object, or of the part and of each feature."""
+    if features:
+        from printer_slicer.feature_layers import cut_features  # noqa: PLC0415 - off by default
+
+        report("slicing")
+        n = len(features)
+        return [part] * n, cut_features(part, features, profile), [profile] * n
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     return meshes, cut_objects(meshes, plans, own), own
@@ -370,7 +394,7 @@ def overhangs(
     mesh: Mesh,
     profile: Profile,
     *,
-    plan: LayerPlan | Sequence[LayerPlan] | None = None,
+    plan: Plans | None = None,
     placement: Placement = IN_THE_MIDDLE,
     volumes: Volumes | None = None,
 ) -> Overhangs:
@@ -390,10 +414,12 @@ def overhangs(
     """
     check_part(mesh, profile)
     part = place(repair(mesh.with_volumes(volumes))[0], profile.printer, placement)
-    plan = list_stack_plans(plan_objects(part, profile)) if plan is None else plan
+    if plan is None:
+        stacks = plan_objects(part, profile)
+        plan = plan_part(part, profile) if stacks[0].whole_plan else list_stack_plans(stacks)
     if profile.quality.support == "off":  # volumes count only if there are supports
         profile = profile_with(profile, {"quality.support": "columns"})
-    meshes, sections, own = _cut(part, plan, apply_spiral_settings(profile), quiet)
+    meshes, sections, own = _cut(part, plan, [], apply_spiral_settings(profile), quiet)
     _, regions = _divide(sections, own, quiet)
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     found = find_object_overhangs(meshes, sections, regions, own, modifiers, always_steer=True)

@@ -29,6 +29,7 @@ from printer_slicer.model import (
     Walls,
     stack_sections,
 )
+from printer_slicer.object_plans import Plans
 from printer_slicer.objects import separate_objects
 from printer_slicer.ordering import order
 from printer_slicer.profile import Profile, profile_with
@@ -51,9 +52,7 @@ __all__ = ["join_stages", "split_for_sequence"]
 _WITHOUT_SKIRT: Final = {"quality.skirt_loops": 0, "quality.print_order": "by_layer"}
 
 
-def split_for_sequence(
-    part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile
-) -> list[tuple[Mesh, LayerPlan, Profile]]:
+def split_for_sequence(part: Mesh, plan: Plans, profile: Profile) -> list[tuple[Mesh, LayerPlan, Profile]]:
     """Return each object with its layers and with its profile, which has no skirt.
 
     Raises:

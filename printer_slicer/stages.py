@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
@@ -26,6 +25,7 @@ from printer_slicer.model import (
     Volumes,
     Walls,
 )
+from printer_slicer.object_plans import Plans
 from printer_slicer.placing import Placement
 from printer_slicer.profile import Profile
 from printer_slicer.progress import Report
@@ -42,7 +42,7 @@ __all__ = ["SliceOptions", "Stages", "check_part"]
 class SliceOptions(TypedDict, total=False):
     """Keyword arguments of `pipeline.slice_stages`."""
 
-    plan: LayerPlan | Sequence[LayerPlan] | None
+    plan: Plans | None
     placement: Placement
     report: Report
     strict: bool

@@ -11,6 +11,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.model import LayerPlan, Mesh, ObjectStack
 from printer_slicer.object_plans import (
     PlanGroup,
+    Plans,
     extract_objects,
     find_equal_groups,
     find_plan_groups,
@@ -19,6 +20,7 @@ from printer_slicer.object_plans import (
 )
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, profile_with
+from printer_slicer.profile.planners import OptimalPlanner
 from printer_slicer.stages import Stages
 from printer_slicer.strategies import Strategies, check_plan
 from printer_slicer.surface import certify, certify_stacks, read_surface
@@ -35,9 +37,7 @@ _MAX_PRICE_RATIO: Final = 16.0  # between two trials without an upper and a lowe
 class _SliceFunction(Protocol):
     """Signature of `pipeline.slice_planned`."""
 
-    def __call__(
-        self, part: Mesh, plan: LayerPlan | Sequence[LayerPlan], profile: Profile, *, strategies: Strategies
-    ) -> Stages: ...
+    def __call__(self, part: Mesh, plan: Plans, profile: Profile, *, strategies: Strategies) -> Stages: ...
 
 
 def choose_plan(
@@ -113,11 +113,9 @@ def choose_stacks(
     All objects have the same price of the volume error, so that no exchange of time between them would reduce the total
     error. Arguments and errors are those of `choose_plan`.
     """
-    groups = [] if strategies.planner else find_plan_groups(part, profile)
-    first = find_equal_groups(part, groups) if len(groups) > 1 else []
-    if not any(first):
+    plan_groups = None if strategies.planner else _prepare_separate_plans(part, profile)
+    if plan_groups is None:
         return make_stacks(part, choose_plan(part, profile, strategies, slice_planned))
-    plan_groups = _prepare_plans(part, groups, first, profile)
 
     def estimate_seconds(stacks: Sequence[ObjectStack]) -> float:
         """Return the time of the moves that slicing with these plans gives, s."""
@@ -128,8 +126,41 @@ def choose_stacks(
 
     price, dials = compute_error_price(part, profile), profile.dials
     if not dials.time_budget or dials.max_layers:
-        return plan_groups({"quality.planner.error_price": price})
+        stacks = plan_groups({"quality.planner.error_price": price})
+        if stacks[0].whole_plan and dials.objective == "balanced":
+            return _choose_cheaper(stacks, part, profile, price, estimate_seconds)
+        return stacks
     return _find_stacks_within_budget(dials.time_budget, price, plan_groups, estimate_seconds)
+
+
+def _choose_cheaper(
+    stacks: tuple[ObjectStack, ...],
+    part: Mesh,
+    profile: Profile,
+    price: float,
+    estimate_seconds: Callable[[Sequence[ObjectStack]], float],
+) -> tuple[ObjectStack, ...]:
+    """Return the stacks of features, or a single one if it costs less by the time of the moves.
+
+    The planner knows neither all travels between features nor how well the layers of features cool together.
+    """
+    single = make_stacks(part, plan_layers(part, profile))
+    costs = [estimate_seconds(one) + price * certify_stacks(one).volume_error for one in (stacks, single)]
+    return stacks if costs[0] < costs[1] else single
+
+
+def _prepare_separate_plans(part: Mesh, profile: Profile) -> _PlanFunction | None:
+    """Return a function that plans objects or features separately; None if there is one plan."""
+    groups = find_plan_groups(part, profile)
+    first = find_equal_groups(part, groups) if len(groups) > 1 else []
+    if any(first):
+        return _prepare_plans(part, groups, first, profile)
+    planner = profile.quality.planner
+    if len(part.objects) > 1 or not isinstance(planner, OptimalPlanner) or planner.stacks != "features":
+        return None
+    from printer_slicer.feature_stacks import prepare_feature_plans  # noqa: PLC0415 - off by default
+
+    return prepare_feature_plans(part, profile)
 
 
 def _prepare_plans(

@@ -302,7 +302,7 @@ def find_largest_flat_error(flats: Float, plan: LayerPlan) -> float:
         flats: (n,) heights of the flats, mm.
         plan: the layer plan.
     """
-    ends = np.append(plan.top, 0.0)
+    ends = np.append(plan.top, plan.bottom[:1])
     return float(np.abs(ends[:, None] - flats).min(axis=0).max()) if len(flats) else 0.0
 
 

@@ -114,6 +114,11 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         """Whether any layer begins below the top of the layer before, as layers of different objects do."""
         return bool((self.bottom[1:] < self.top[:-1] - SAME_TOP).any())
 
+    def take(self, layers: Int) -> LayerPlan:
+        """Return the layers with these indices (n,), ascending, with their bottoms."""
+        base = np.asarray(self.bottom[layers])
+        return LayerPlan(self.top[layers], self.cut[layers], self.planner, self.containment, base)
+
     def find_tops(self, tops: Float) -> Int:
         """Return the indices of the layers with these tops (n,), mm."""
         return np.searchsorted(self.top, tops - SAME_TOP)
@@ -133,17 +138,24 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
 
 
 class ObjectStack(Struct, frozen=True, eq=False):
-    """The layers of some objects of a plate. A plate has one stack if all its objects have the same layers.
+    """The layers of some objects of a plate, or of a feature. There is one stack if all objects have the same layers.
 
     Attributes:
         plan: the layers.
-        mesh: the objects together, placed on the bed; the whole part if there is only one stack.
+        mesh: the objects together, placed on the bed; the whole part if there is only one stack. With features, the
+            surface between the bottom of the first and the top of the last layer, open at both.
         objects: indices of the objects in `Mesh.objects` of the part; (0,) for a part without a list of objects.
+        whole_plan: with features, layers from the bed to the top of the part that contain those of `plan`, so that the
+            neighbours of each layer are known; otherwise None.
+        outline: an area that contains this feature and no other one, as seen from above, in one layer; None if the
+            stack is not that of a feature.
     """
 
     plan: LayerPlan
     mesh: Mesh
     objects: tuple[int, ...]
+    whole_plan: LayerPlan | None = None
+    outline: Areas | None = None
 
 
 def _convert_tops(top: object) -> Float:
@@ -221,7 +233,9 @@ class Sections(SvgRepr, Struct, frozen=True, eq=False):
         if plan is self.plan:
             return self.solid
         layer = self.plan.find_tops(plan.top)
-        within = np.flatnonzero(layer < self.plan.n_layers)
+        exists = layer < self.plan.n_layers
+        exists[exists] &= plan.top[exists] > self.plan.bottom[layer[exists]] + SAME_TOP
+        within = np.flatnonzero(exists)
         return self.solid.copy_layers(layer[within]).on_layers(within, plan.n_layers)
 
     def __repr__(self) -> str:
@@ -305,6 +319,16 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         layer = plan.find_tops(self.plan.top)
         areas = {name: getattr(self, name).on_layers(layer, plan.n_layers) for name in _REGIONS}
         return replace(self, plan=plan, **areas)
+
+    def take(self, layers: Int) -> Regions:
+        """Return the regions of the layers with these indices (n,), ascending."""
+        here = np.isin(np.arange(self.plan.n_layers), layers)
+        return Regions(
+            self.plan.take(layers),
+            **{name: getattr(self, name).copy_layers(layers) for name in _REGIONS},
+            bridge_angle=self.bridge_angle[here[self.bridge.ring_layer]],
+            internal_bridge_angle=self.internal_bridge_angle[here[self.internal_bridge.ring_layer]],
+        )
 
     def of_layers(self, here: Bool) -> Regions:
         """Keep the regions of the layers for which `here` (L,) is true; all other layers become empty."""

@@ -91,7 +91,7 @@ class _PlanCheck:
 
     def find_missed_flats(self) -> Iterator[PlanViolation]:
         """Yield flats on which no layer ends."""
-        ends, flats = np.append(0.0, self._plan.top), find_flats(self._mesh)[0]
+        ends, flats = np.append(self._plan.bottom[:1], self._plan.top), find_flats(self._mesh)[0]
         off = np.abs(ends[:, None] - flats).min(axis=0) if len(flats) else np.zeros(0)
         missed = off > max(self._settings.snap_tolerance, self._near, FINEST) + _ROUNDING
         met = np.concatenate([[0.0, self._first, self._mesh.height], flats[~missed]])

@@ -107,6 +107,13 @@ def _check_planner(profile: Profile) -> Iterator[Conflict]:
                 problem,
                 "Correct one of them: a full step is a whole number of microsteps",
             )
+    if (
+        isinstance(quality.planner, OptimalPlanner)
+        and quality.planner.stacks == "features"
+        and quality.support != "off"
+    ):
+        problem = "features with layers of their own cannot have supports"
+        yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.support to off")
     yield from find_planner_conflicts(quality)
 
 

@@ -172,10 +172,10 @@ class OptimalPlanner(
         ),
     ] = ()
     stacks: Annotated[
-        Literal["one", "objects"],
+        Literal["one", "objects", "features"],
         make_meta(
             "layer plans of a plate with several objects: one: the same plan for all objects; objects: a plan for each "
-            "object"
+            "object; features: also for parts of a single object that stand apart, such as towers"
         ),
     ] = "one"
 

@@ -43,6 +43,7 @@ _RESOLUTION: Final = 0.005  # mm; sections for measurements are finer than print
 _CUT_OFFSET: Final = 0.002  # mm from the middle of a layer; flat surfaces here may be rounded up or down
 _MIN_DIFFERENCE: Final = 1.0  # mm² between the sections above and below a flat surface
 _NEAR_DISTANCE: Final = 3.0  # mm around the part; extrusions farther away make no layers
+_SEPARATE_SHARE: Final = 0.05  # of the external perimeters; more means that objects have layers of their own
 _ROUNDING: Final = 0.01  # mm; files round heights by up to this
 _MIN_MISSING_AREA: Final = (
     1.0  # mm², printable area of all missing layers together; a smaller tip may be missing
@@ -307,6 +308,14 @@ def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> b
     )
 
 
+def _has_separate_layers(deposit: GcodeExtrusions, coverage: Coverage) -> bool:
+    """Return whether comments say that much of the external perimeters is thicker than the distance of layers."""
+    stack, beads = coverage.stack, deposit.beads
+    external = coverage.of_part & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
+    thick = external & (beads.height > stack.height[stack.layer] + _ROUNDING)
+    return bool(beads.length[thick].sum() > _SEPARATE_SHARE * beads.length[external].sum())
+
+
 def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
     """Yield notes for users: what was assumed, and how much material does not belong to the part."""
     stack = coverage.stack
@@ -318,6 +327,11 @@ def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
         yield f"the file does not name roles: {depth}"
     if stack.is_spiral:
         yield "spiral vase: every turn counts as a layer; the first and the last are not checked"
+    if _has_separate_layers(deposit, coverage):
+        yield (
+            "objects or features have layers of their own, but are compared on common layers: position, outline and "
+            "shell are not reliable. Slice with planner.stacks = one to check the model"
+        )
     volume = stack.beads.volume
     beside = float(volume[~coverage.of_part & (stack.beads.purpose != Purpose.SUPPORT_MATERIAL)].sum())
     if beside > 0.1:

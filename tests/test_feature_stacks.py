@@ -1,0 +1,178 @@
+"""Features of a part with layer plans of their own (`quality.planner.stacks = features`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import printer_slicer as ps
+from printer_slicer.errors import ProfileError
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.feature_stacks import find_feature_ranges, prepare_feature_plans
+from printer_slicer.gcode_text import gcode_of
+from printer_slicer.geometry import Areas, find_enclosing_rings
+from printer_slicer.geometry.facet_clipping import clip_facets
+from printer_slicer.model import Mesh, ObjectStack
+from printer_slicer.pipeline import plan_objects, slice_stages
+from printer_slicer.profile import Profile
+from printer_slicer.surface import certify_stacks
+from tests.cli.command_line import typed
+from tests.mesh_io.tiny_files import binary_stl
+from tests.parts import box, plain, sphere
+from tests.surface.distances import distance_to_mesh, wrong_points
+
+ROUNDING = 1e-6
+
+
+def solid(made: trimesh.Trimesh) -> Mesh:
+    """The part, standing on the bed."""
+    return Mesh(np.asarray(made.triangles, np.float64), "towers").moved((20.0, 20.0, 0.0))
+
+
+def towers(roof: float = 0.0) -> Mesh:
+    """A base with a broad tower and a ball on a thin post, and perhaps a roof over both."""
+    solids = [
+        trimesh.creation.box(bounds=[(0, 0, 0), (34, 16, 2)]),
+        trimesh.creation.box(bounds=[(1, 1, 1.5), (17, 15, 14)]),
+        trimesh.creation.icosphere(3, 5.0).apply_translation((26, 8, 7.5)),
+        trimesh.creation.box(bounds=[(24, 6, 1.5), (28, 10, 14)]),
+    ]
+    if roof:
+        solids.append(trimesh.creation.box(bounds=[(0, 0, 13.5), (34, 16, 14 + roof)]))
+    return solid(trimesh.boolean.union(solids, engine="manifold"))
+
+
+def optimal(**changes: object) -> Profile:
+    """The optimal planner with plans for features."""
+    usual = {
+        "planner__kind": "optimal",
+        "planner__stacks": "features",
+        "tolerance": 0.12,
+        "thickest_layer": 0.3,
+    }
+    return plain(**(usual | changes))
+
+
+def test_towers_stand_apart_between_base_and_roof() -> None:
+    [place] = find_feature_ranges(towers(roof=2.0), optimal())
+
+    assert place.low == pytest.approx(2.0)
+    assert place.high == pytest.approx(13.5)
+    assert place.outlines.n_layers == 2
+    assert place.outlines.area() == pytest.approx([17 * 15, np.pi * 5.5**2], rel=0.05)
+
+
+def test_a_part_without_towers_has_no_features() -> None:
+    assert find_feature_ranges(sphere(6.0), optimal()) == []
+    assert len(plan_objects(box((8.0, 8.0, 5.0)), optimal())) == 1
+
+
+def test_clips_of_consecutive_ranges_are_the_whole_surface() -> None:
+    part = towers(roof=2.0)
+    clips = [
+        clip_facets(part.triangles, low, high)
+        for low, high in [(0.0, 2.0), (2.0, 7.3), (7.3, 13.5), (13.5, 20.0)]
+    ]
+
+    assert sum(_area(clip) for clip in clips) == pytest.approx(_area(part.triangles))
+    assert [clip[:, :, 2].max() for clip in clips] == pytest.approx([2.0, 7.3, 13.5, 16.0])
+
+
+def _area(triangles: np.ndarray) -> float:
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    return float(np.linalg.norm(normal, axis=1).sum() / 2)
+
+
+@pytest.fixture(scope="module", params=[0.0, 2.0])
+def sliced(request: pytest.FixtureRequest) -> ps.Stages:
+    """Towers without and with a roof."""
+    part = slice_stages(towers(request.param), plain()).part
+    plan_features = prepare_feature_plans(part, optimal())
+    assert plan_features
+    return slice_stages(part, optimal(), plan=plan_features({}))
+
+
+def test_features_have_layers_of_their_own_between_planes(sliced: ps.Stages) -> None:
+    features = [one for one in sliced.stacks if one.outline]
+    common = [one for one in sliced.stacks if not one.outline]
+
+    assert len(features) == 2
+    assert features[0].plan.n_layers < features[1].plan.n_layers
+    assert all(one.plan.bottom[0] == pytest.approx(2.0) for one in features)
+    assert common[0].plan.top[-1] == pytest.approx(2.0)
+    if len(common) > 1:
+        assert all(one.plan.top[-1] == pytest.approx(13.5) for one in features)
+        assert common[1].plan.bottom[0] == pytest.approx(13.5)
+
+
+def test_the_certificate_holds_at_sampled_points(sliced: ps.Stages) -> None:
+    part, rng = sliced.part, np.random.default_rng(1)
+    for one in sliced.stacks:
+        certificate = certify_stacks([one])
+        points = _select_printed(*wrong_points(part, one.whole_plan, 2000, rng), one)
+        assert distance_to_mesh(points, part, 0.5).max(initial=0.0) <= certificate.max_error + ROUNDING
+    assert certify_stacks(sliced.stacks).max_error <= 0.12 + ROUNDING
+
+
+def _select_printed(points: np.ndarray, layer: np.ndarray, stack: ObjectStack) -> np.ndarray:
+    """Points in the layers and the outline of a stack."""
+    top = np.append(stack.whole_plan.top, np.inf)[layer]
+    points = points[(top >= stack.plan.top[0] - ROUNDING) & (top <= stack.plan.top[-1] + ROUNDING)]
+    if stack.outline is None:
+        return points
+    areas: Areas = stack.outline
+    return points[find_enclosing_rings(areas, points[:, :2], np.zeros(len(points), np.int64)) >= 0]
+
+
+def test_the_certificates_cover_the_whole_surface(sliced: ps.Stages) -> None:
+    assert certify_stacks(sliced.stacks).area == pytest.approx(_area(sliced.part.triangles))
+
+
+def test_the_part_is_filled_once(sliced: ps.Stages) -> None:
+    single = slice_stages(sliced.part, optimal(planner__stacks="one"))
+
+    assert sliced.program.filament_used == pytest.approx(single.program.filament_used, rel=0.01)
+    assert (np.diff(sliced.program.xyz[sliced.program.filament > 0, 2]) >= -ROUNDING).all()
+
+
+def test_features_do_not_cost_more_than_a_single_plan(sliced: ps.Stages) -> None:
+    price = 20.0
+    wanted = [optimal(planner__stacks=stacks, planner__error_price=price) for stacks in ("features", "one")]
+    costs = []
+    for one in wanted:
+        stages = slice_stages(sliced.part, one)
+        seconds = float(move_seconds(stages.program, one).sum())
+        costs.append(seconds + price * certify_stacks(stages.stacks).volume_error)
+
+    assert costs[0] <= costs[1] + ROUNDING
+
+
+def test_parts_without_features_are_printed_as_with_one_plan() -> None:
+    first, second = (
+        gcode_of(slice_stages(sphere(5.0), optimal(planner__stacks=stacks)).program, plain())
+        for stacks in ("one", "features")
+    )
+
+    assert first == second
+
+
+def test_supports_are_refused() -> None:
+    with pytest.raises(ProfileError, match="features with layers of their own cannot have supports"):
+        optimal(support="columns")
+
+
+def test_slice_reports_features_and_check_names_the_limit(tmp_path: Path) -> None:
+    (tmp_path / "towers.stl").write_bytes(binary_stl(towers(roof=2.0).triangles))
+    options = ("--planner", "optimal", "--set", "planner.stacks=features", "--set", "planner.error_price=200")
+    sliced = typed("slice", "towers.stl", *options, "-o", "out.gcode", cwd=tmp_path)
+    checked = typed("check", "out.gcode", "--model", "towers.stl", cwd=tmp_path)
+    planned = typed("plan", "towers.stl", *options, "--picture", "out.svg", cwd=tmp_path)
+    simulated = typed("dry-run", "out.gcode", "--allow", "unsupported", cwd=tmp_path)
+
+    assert "towers, z 2 to 13.5, feature 2: " in sliced.out
+    assert "flat surface" not in sliced.out
+    assert [sliced.code, planned.code, simulated.code] == [0, 0, 0]
+    assert "compared on common layers" in checked.out
