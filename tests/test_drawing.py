@@ -23,14 +23,14 @@ from printer_slicer.drawing import draw_layer, draw_plan, draw_program_layer
 from printer_slicer.drawing.canvas import Box, Fill, Line, Picture, Text
 from printer_slicer.drawing.colours import choose_height_colours
 from printer_slicer.mesh_io import load_mesh
-from printer_slicer.model import Areas, LayerPlan, Mesh, Program, Sections
+from printer_slicer.model import Areas, LayerPlan, Mesh, ObjectStack, Program, Sections, stack_sections
 from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import place
 from printer_slicer.planning import plan_layers
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.roles import Role
 from printer_slicer.slicing import cut
-from printer_slicer.surface import Certificate, certify, read_surface
+from printer_slicer.surface import Certificate, certify, certify_stacks, read_surface
 from tests.parts import box as box_part
 from tests.parts import box_with_hole, joined, shape, shapely, sphere, step_pyramid
 
@@ -330,6 +330,20 @@ def lightness(colour: str) -> float:
     ]
     y = float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
     return 116 * y ** (1 / 3) - 16 if y > 0.008856 else 903.3 * y
+
+
+def test_the_front_view_shows_each_stack_with_its_own_layers() -> None:
+    left, right = box_part((8.0, 8.0, 6.0)), box_part((8.0, 8.0, 6.0), at=(20.0, 0.0, 0.0))
+    plans = [LayerPlan.from_tops(np.arange(1, n + 1) * (6.0 / n)) for n in (20, 30)]
+    stacks = [
+        ObjectStack(plan, mesh, (k,)) for k, (mesh, plan) in enumerate(zip((left, right), plans, strict=True))
+    ]
+    cuts = [cut(one.mesh, one.plan, 0.0) for one in stacks]
+    picture = draw_plan(stack_sections(cuts), certify_stacks(stacks), "two", stacks=cuts)
+    left_sides = [one.x for one in picture.shapes if isinstance(one, Box) and one.name == "layer"]
+
+    assert len(left_sides) == 20 + 30
+    assert left_sides.count(min(left_sides)) == 20
 
 
 @given(st.lists(st.integers(5, 80), min_size=2, max_size=60))

@@ -46,6 +46,7 @@ def draw_plan(
     *,
     tolerance: float | None = None,
     flats: Float | Sequence[float] = (),
+    stacks: Sequence[Sections] = (),
 ) -> Picture:
     """Draw the part from the front, deviation and height of each layer beside it, and the stack in 3D.
 
@@ -57,6 +58,7 @@ def draw_plan(
         title: one line above the picture.
         tolerance: mm, largest allowed deviation, or None.
         flats: mm, heights of flat surfaces, marked on the z axis.
+        stacks: the sections of each stack, if there are several; the front view then shows each with its own layers.
 
     Raises:
         ValueError: the certificate belongs to another plan, or the plan is empty.
@@ -66,23 +68,28 @@ def draw_plan(
         raise ValueError("a plan without layers has no picture")
     if not np.array_equal(certificate.plan.top, plan.top):
         raise ValueError("sections and certificate are of different plans")
-    colours = choose_height_colours(plan.height)
+    of_stacks = stacks or (sections,)
+    heights_of_all = [one.plan.height for one in (sections, *of_stacks)]
+    every = choose_height_colours(np.concatenate(heights_of_all))
+    colours, *own_colours = (
+        every[begin:end] for begin, end in pairwise(np.cumsum([0, *map(len, heights_of_all)]).tolist())
+    )
     top = _LEGEND_TOP + LEGEND_HEIGHT + _LEGEND_GAP
     axis, scale = make_z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
     front, error, heights, stack = (
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
     )
     prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
-    stacks = certificate.parts or (certificate,)
-    ranges_beyond = _list_ranges_above(stacks, tolerance)
+    parts = certificate.parts or (certificate,)
+    ranges_beyond = _list_ranges_above(parts, tolerance)
     shapes = [
         *_draw_head(title, certificate, ranges_beyond, tolerance),
         *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _LEGEND_GAP)),
         *draw_grid(axis, replace(front, right=heights.right)),
         *_draw_flat_marks(axis, front, flats),
-        *draw_front(sections, colours, axis, front, scale),
+        *draw_front(list(zip(of_stacks, own_colours, strict=True)), axis, front, scale),
         *draw_deviation(certificate, ranges_beyond, axis, error, tolerance=tolerance),
-        *draw_heights([one.plan for one in stacks], colours, axis, heights),
+        *draw_heights([one.plan for one in parts], colours, axis, heights),
         *prisms,
         *_draw_panel_titles(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
     ]

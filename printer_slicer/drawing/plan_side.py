@@ -53,25 +53,41 @@ def draw_grid(axis: ZAxis, panel: Panel) -> Iterator[Shape]:
 
 
 def draw_front(
-    sections: Sections, colours: Sequence[str], axis: ZAxis, panel: Panel, scale: float
+    stacks: Sequence[tuple[Sections, Sequence[str]]], axis: ZAxis, panel: Panel, scale: float
 ) -> Iterator[Shape]:
-    """Draw every layer as seen from the front, in its colour."""
-    solid = sections.solid
-    if solid.n_rings == 0:
+    """Draw every layer of each stack as seen from the front, in its colour; nearer stacks hide others.
+
+    Args:
+        stacks: sections, and the colours of their layers.
+        axis: z axis.
+        panel: where to draw.
+        scale: px per mm along x.
+    """
+    filled = [one for one in stacks if one[0].solid.n_rings]
+    if not filled:
         return
-    low, high = float(solid.xy[:, 0].min()), float(solid.xy[:, 0].max())
+    x = np.concatenate([sections.solid.xy[:, 0] for sections, _ in filled])
+    low, high = float(x.min()), float(x.max())
     left = (panel.left + panel.right - scale * (high - low)) / 2
+    for sections, colours in sorted(filled, key=lambda one: -float(one[0].solid.xy[:, 1].min())):
+        yield from _draw_front_of_stack(sections, colours, axis, scale, left - scale * low)
+
+
+def _draw_front_of_stack(
+    sections: Sections, colours: Sequence[str], axis: ZAxis, scale: float, origin: float
+) -> Iterator[Shape]:
+    """Draw the layers of one stack; x = 0 is at `origin`, px."""
     rows = _find_visible_rows(sections.plan, axis)
     has_edges = axis.scale * float(sections.plan.height.min()) > _MIN_EDGED_HEIGHT
     # Draw from the top down; each layer overlaps the next lower one a little, so that no gap is visible.
-    for k, (x0, x1) in reversed(list(_find_x_ranges(solid))):
+    for k, (x0, x1) in reversed(list(_find_x_ranges(sections.solid))):
         if k not in rows:
             continue
         top, bottom = rows[k]
         size = axis.scale * (top - bottom)
         edge = darken(colours[k], 0.8) if has_edges else ""
         tall = size + (_OVERLAP if bottom > 0 and not edge else 0)
-        yield Box(left + scale * (x0 - low), axis.y(top), scale * (x1 - x0), tall, colours[k], edge, "layer")
+        yield Box(origin + scale * x0, axis.y(top), scale * (x1 - x0), tall, colours[k], edge, "layer")
 
 
 def _find_visible_rows(plan: LayerPlan, axis: ZAxis) -> dict[int, tuple[float, float]]:

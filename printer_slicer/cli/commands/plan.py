@@ -103,8 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
         report("planning")
         chosen = plan_objects(part, profile)
         certificate = certify_stacks(chosen)
-        sections = stack_sections([cut(one.mesh, one.plan, profile.quality.resolution) for one in chosen])
-        repairs = Repairs((*repairs.done, *list_section_repairs(sections, shift)))
+        cuts = [cut(one.mesh, one.plan, profile.quality.resolution) for one in chosen]
+        repairs = Repairs((*repairs.done, *list_section_repairs(stack_sections(cuts), shift)))
         if arguments.strict:
             require_no_repair(part.name, repairs)
         rows = _compare_plans(
@@ -112,7 +112,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
         if arguments.picture:
             report("drawing")
-            _draw_plan(part, sections, certificate, profile, arguments)
+            _draw_plan(part, cuts, certificate, profile, arguments)
     facts = collect_certificate_facts(
         certificate, chosen, profile, shift, _find_print_time(rows, _format_plan_name(profile))
     )
@@ -167,7 +167,7 @@ def _measure_thin_features(stacks: Sequence[ObjectStack]) -> dict[str, float]:
 
 def _draw_plan(
     part: Mesh,
-    sections: Sections,
+    cuts: Sequence[Sections],
     certificate: Certificate,
     profile: Profile,
     arguments: argparse.Namespace,
@@ -175,15 +175,17 @@ def _draw_plan(
     """Draw the chosen plan to the file of --picture."""
     from printer_slicer.cli.models import format_model_names
     from printer_slicer.drawing import draw_plan, encode_picture
+    from printer_slicer.model import stack_sections
     from printer_slicer.surface import find_flats
 
     bounded = certificate.plan.planner not in ("uniform", "area")
     picture = draw_plan(
-        sections,
+        stack_sections(cuts),
         certificate,
         format_model_names(arguments.models),
         tolerance=profile.quality.tolerance if bounded else None,
         flats=find_flats(part)[0],
+        stacks=cuts,
     )
     write_file(arguments.picture, encode_picture(picture, arguments.picture))
     open_files(arguments, [arguments.picture])
