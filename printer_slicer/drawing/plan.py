@@ -68,12 +68,7 @@ def draw_plan(
         raise ValueError("a plan without layers has no picture")
     if not np.array_equal(certificate.plan.top, plan.top):
         raise ValueError("sections and certificate are of different plans")
-    of_stacks = stacks or (sections,)
-    heights_of_all = [one.plan.height for one in (sections, *of_stacks)]
-    every = choose_height_colours(np.concatenate(heights_of_all))
-    colours, *own_colours = (
-        every[begin:end] for begin, end in pairwise(np.cumsum([0, *map(len, heights_of_all)]).tolist())
-    )
+    colours, fronts = _choose_colours(sections, stacks)
     top = _LEGEND_TOP + LEGEND_HEIGHT + _LEGEND_GAP
     axis, scale = make_z_axis(sections, _FRONT[1] - _FRONT[0], _TALLEST, top)
     front, error, heights, stack = (
@@ -87,14 +82,29 @@ def draw_plan(
         *draw_legend(plan, colours, Panel(_MARGIN, _WIDTH - _MARGIN, _LEGEND_TOP, top - _LEGEND_GAP)),
         *draw_grid(axis, replace(front, right=heights.right)),
         *_draw_flat_marks(axis, front, flats),
-        *draw_front(list(zip(of_stacks, own_colours, strict=True)), axis, front, scale),
+        *draw_front(fronts, axis, front, scale),
         *draw_deviation(certificate, ranges_beyond, axis, error, tolerance=tolerance),
         *draw_heights([one.plan for one in parts], colours, axis, heights),
         *prisms,
         *_draw_panel_titles(axis, axis.scale / scale, step, has_flats=len(flats) > 0),
     ]
-    height = round(axis.floor + _FOOT)
-    return Picture(_WIDTH, height, tuple(shapes), f"{title}: layer plan, {_format_layer_count(plan)}")
+    return Picture(_WIDTH, round(axis.floor + _FOOT), tuple(shapes), _describe(title, plan))
+
+
+def _describe(title: str, plan: LayerPlan) -> str:
+    """Return the description of the picture."""
+    return f"{title}: layer plan, {_format_layer_count(plan)}"
+
+
+def _choose_colours(
+    sections: Sections, stacks: Sequence[Sections]
+) -> tuple[list[str], list[tuple[Sections, list[str]]]]:
+    """Return the colours of all layers, and each stack with those of its layers; equal heights have the same colour."""
+    several = (sections, *(stacks or (sections,)))
+    colours = choose_height_colours(np.concatenate([one.plan.height for one in several]))
+    ends = np.cumsum([0, *(one.plan.n_layers for one in several)]).tolist()
+    first, *others = (colours[begin:end] for begin, end in pairwise(ends))
+    return first, list(zip(several[1:], others, strict=True))
 
 
 def _list_ranges_above(
