@@ -10,7 +10,6 @@ namespace {
 
 // As in bead_samples.py.
 constexpr float SIDE = 1.0 / 3.0;  // widths from the middle of a bead to the points that stand for its sides
-constexpr float SLACK = 1.0 / 30.0;  // widths from the middle up to which a bead may hang over an edge
 
 enum Kind : char { SKIPPED, ON_BED, OVER_LAYER, OVER_GAP };
 
@@ -57,7 +56,7 @@ class Raster {
     const float x = samples.x[i], y = samples.y[i];
     const float left = samples.across[2 * samples.bead[i]], up = samples.across[2 * samples.bead[i] + 1];
     const auto holds_at = [&](float aside) { return holds(x + aside * left, y + aside * up); };
-    return holds(x, y) || holds_at(-SLACK) || holds_at(SLACK) || (holds_at(-SIDE) && holds_at(SIDE));
+    return holds(x, y) || (holds_at(-SIDE) && holds_at(SIDE));
   }
 
  private:

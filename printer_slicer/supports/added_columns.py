@@ -18,7 +18,7 @@ from printer_slicer.geometry import (
     stroke_lines,
     union,
 )
-from printer_slicer.geometry.raster import clearance
+from printer_slicer.geometry.raster import CellGrid, clearance
 from printer_slicer.model import Overhangs, SupportPlan, Toolpaths
 from printer_slicer.roles import Role
 from printer_slicer.supports.bead_samples import BeadMap, BeadSamples, sample_beads
@@ -28,8 +28,9 @@ from printer_slicer.values import Struct
 __all__ = ["AddedColumns", "add_columns", "find_contact_areas", "find_needed_paths"]
 
 _REACH: Final = 1.0  # mm sideways from a bead to what it carries
+_CELL: Final = 0.1  # mm, of the raster on which neighbours are sought
 _REACH_OF_WALLS: Final = (
-    0.9  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
+    0.85  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
 )
 _THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
@@ -93,11 +94,13 @@ def _lies_in(areas: Areas, points: Float, layer: int) -> Bool:
 
 def _has_neighbours(samples: BeadSamples, which: Int, others: Int) -> Bool:
     """Return which of some samples (k,) have one of the others (m,) within reach."""
-    grid = samples.grid
+    points = samples.points(which)
+    grid = CellGrid.around(points.min(axis=0) - 2 * _REACH, points.max(axis=0) + 2 * _REACH, _CELL)
     covered = np.zeros(grid.n_cells, np.bool_)
-    covered[samples.cells(others)] = True
-    away = clearance(covered.reshape(grid.n_rows, grid.n_columns), grid.cell, 2 * _REACH)
-    return np.asarray(away.reshape(-1)[samples.cells(which)] <= _REACH)
+    covered[grid.find_cells(samples.points(others))] = True
+    away = clearance(covered.reshape(grid.n_rows, grid.n_columns), _CELL, 2 * _REACH)
+    # Others outside the grid count in its outermost cells, which are too far from all points.
+    return np.asarray(away.reshape(-1)[grid.find_cells(points)] <= _REACH)
 
 
 def add_columns(

@@ -29,10 +29,9 @@ __all__ = [
     "sample_beads",
 ]
 
-_CELL: Final = 0.1  # mm
+_CELL: Final = 0.05  # mm
 _STEP: Final = 0.18  # mm between samples along a bead
 _SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stand for its sides
-_SLACK: Final = 1 / 30  # widths from the middle up to which a bead may hang over an edge
 _BEYOND: Final = 1.5  # mm, margin of the grid
 _ROUNDING: Final = 1e-6  # mm
 _INSIDE: Final = 1 / 10  # widths from the middle of a bead to points that must both lie over the part
@@ -252,8 +251,7 @@ class BeadMap:
     def carries(self, some: slice) -> Bool:
         """Return which (k,) of some samples lie on the marked beads with at least half of their width."""
         carried = self.covered[self._samples.cells(some)]
-        for asides, enough in (((-_SLACK, _SLACK), np.logical_or), ((-_SIDE, _SIDE), np.logical_and)):
-            left = np.flatnonzero(~carried)
-            sides = [self.covered[self._samples.cells(left + some.start, aside)] for aside in asides]
-            carried[left] = enough(*sides)
-        return np.asarray(carried)
+        left = np.flatnonzero(~carried)
+        sides = [self.covered[self._samples.cells(left + some.start, aside)] for aside in (-_SIDE, _SIDE)]
+        carried[left] = np.logical_and(*sides)
+        return carried

@@ -70,15 +70,16 @@ def check_stability(
     suspect = np.isin(np.arange(paths.plan.n_layers), paths.layer[samples.path[hanging]])
     column_rules = rules.for_columns()
     large = column_rules.find_unsupported(samples, paths, every, carried)
+    if not large.any():
+        cut = _list_places(samples, paths, hanging)
+        paths, suspect = keep_samples(samples, paths, ~hanging), np.append(False, suspect[:-1])
+        samples, large = _find_unsupported(paths, column_rules, suspect)
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
         supports, paths, changed = _carry(
             supports, paths, (overhangs, sections, profile), column_rules, above
         )
         suspect |= changed
-    else:
-        cut = _list_places(samples, paths, hanging)
-        paths, suspect = keep_samples(samples, paths, ~hanging), np.append(False, suspect[:-1])
     paths, removed = _remove(paths, rules, suspect)
     cut_only = not (large.any() or len(removed))
     removed = np.concatenate([cut, removed])

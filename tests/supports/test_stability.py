@@ -261,7 +261,7 @@ def two_lines(y: float, shift: float) -> Toolpaths:
 
 
 @pytest.mark.parametrize("y", [0.0, 0.03, 0.07, 0.1, 0.15])
-@pytest.mark.parametrize(("shift", "lies"), [(0.15, True), (-0.15, True), (0.35, False), (-0.35, False)])
+@pytest.mark.parametrize(("shift", "lies"), [(0.15, True), (-0.15, True), (0.26, False), (-0.26, False)])
 def test_half_of_the_width_must_lie_on_something(y: float, shift: float, lies: bool) -> None:
     paths = two_lines(y, shift)
     samples = sample_beads(paths)

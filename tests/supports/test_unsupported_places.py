@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.support_parts import turned
+from benchmarks.support_parts import figure, turned
 from printer_slicer.model import Mesh, Overhangs, Sections, Supports, Toolpaths, UnsupportedPlace
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
@@ -148,6 +148,15 @@ def test_narrow_strips_below_steep_slopes_make_one_column(degrees: int) -> None:
     profile = load_profile(quality="adaptive", changes={"support": "columns"})
 
     supports = slice_stages(slope, profile).supports
+
+    assert supports is not None
+    assert not supports.unsupported
+
+
+def test_beads_above_a_stretch_that_is_cut_get_columns() -> None:
+    profile = load_profile(quality="standard", changes={"support": "tree", "layer_height": 0.2})
+
+    supports = slice_stages(figure(), profile).supports
 
     assert supports is not None
     assert not supports.unsupported
