@@ -28,7 +28,6 @@ _FIRST: Final = 0.2  # mm; what hangs lower is in the first layer, on the bed
 _FLAT_DEG: Final = 5.0  # surfaces as flat as this may be bridges
 _STEP: Final = 0.1  # mm between the sections in which islands are sought
 _ON_BED: Final = 0.25  # mm; pieces that begin lower are printed on the bed
-_LEAST_ISLAND: Final = 0.2  # mm of height; lower ones are gone before a layer is printed
 _DIRECTIONS: Final = 36  # of bridges
 _SAMPLES: Final = 500  # cells by which the direction of a bridge is chosen
 
@@ -303,7 +302,7 @@ class Island:
     Attributes:
         cell: (n,) cells of its lowest section.
         z: mm, its lowest point.
-        rise: mm from there to where it joins what stands.
+        rise: mm from there to where it joins what stands, to 0.05 mm.
     """
 
     cell: Int
@@ -311,8 +310,12 @@ class Island:
     rise: float
 
 
-def find_islands(solid: Solid) -> list[Island]:
-    """Return all pieces that begin above the bed, walking up through sections."""
+def find_islands(solid: Solid, highest_layer: float) -> list[Island]:
+    """Return all pieces that begin above the bed, walking up through sections.
+
+    Left out are those that join the part before they are as high as the highest layer, mm, because layers need not
+    contain them.
+    """
     count = int(np.ceil(solid.top / _STEP))
     before, standing = np.zeros(solid.grid.shape, np.int64), np.ones(1, np.bool_)
     alive: dict[int, list[Island]] = {}
@@ -340,11 +343,11 @@ def find_islands(solid: Solid) -> list[Island]:
                 following[piece] = [Island(cells, lowest, np.inf)]
         for piece, members in following.items():
             if stands[piece]:
-                found += [Island(one.cell, one.z, z - one.z) for one in members]
+                found += [Island(one.cell, one.z, z - _STEP / 2 - one.z) for one in members]
         alive = {piece: members for piece, members in following.items() if not stands[piece]}
         before, standing = label, stands
     found += [one for members in alive.values() for one in members]
-    return [one for one in found if one.rise >= _LEAST_ISLAND]
+    return [one for one in found if one.rise >= highest_layer]
 
 
 def _lowest(solid: Solid, cells: Int, z: float) -> float:

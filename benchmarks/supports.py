@@ -188,7 +188,8 @@ def _prepare(mesh: Mesh, plan: str, profile: Profile) -> _Job:
         quality.support_min_area,
         quality.support_min_reach,
     )
-    return _Job(Part(mesh, profile, WORK), plan, solid, (overhang, find_islands(solid)))
+    highest = quality.layer_height if plan == "uniform" else profile.thickest
+    return _Job(Part(mesh, profile, WORK), plan, solid, (overhang, find_islands(solid, highest)))
 
 
 # Programs

@@ -80,7 +80,7 @@ def supported(
 def measured_part(part: Mesh) -> tuple[Solid, tuple[Overhang, list[Island]]]:
     """A part, and what of it needs supports."""
     solid = Solid.of(part)
-    return solid, (find_overhang(solid, 40, 10), find_islands(solid))
+    return solid, (find_overhang(solid, 40, 10), find_islands(solid, 0.2))
 
 
 def measured(text: Text) -> Figures:
@@ -151,13 +151,21 @@ def test_adaptive_layers_are_planned() -> None:
 def test_islands_are_pieces_that_begin_in_the_air() -> None:
     assert [round(one.z, 1) for one in measured_part(hook())[1][1]] == [15.1]
     assert measured_part(tee())[1][1] == []
-    assert len(find_islands(Solid.of(figure()))) == 2
+    assert len(find_islands(Solid.of(figure()), 0.2)) == 2
 
 
 def test_a_body_that_never_joins_what_stands_is_an_island() -> None:
     apart = joined([box((5.0, 5.0, 5.0)), box((5.0, 5.0, 5.0), (10.0, 0.0, 3.0))], "two")
 
-    assert [round(one.z, 2) for one in find_islands(Solid.of(apart))] == [3.0]
+    assert [round(one.z, 2) for one in find_islands(Solid.of(apart), 0.2)] == [3.0]
+
+
+@pytest.mark.parametrize(("lower", "count"), [(0.24, 0), (0.36, 1)])
+def test_pieces_lower_than_a_layer_are_no_islands(lower: float, count: int) -> None:
+    knob = box((3.0, 3.0, 4.0), (10.0, 0.0, 10.0 - lower))
+    part = joined([box((5.0, 5.0, 12.0)), box((15.0, 5.0, 2.0), (0.0, 0.0, 10.0)), knob], "knob")
+
+    assert len(find_islands(Solid.of(part), 0.3)) == count
 
 
 # A file without fault
@@ -297,7 +305,7 @@ def test_a_layer_taken_out_of_our_own_file_is_found(style: str) -> None:
     stages = slice_stages(tee(10, 15), profile)
     text = write_gcode(stages.program, profile)
     solid = Solid.of(stages.part)
-    truth = find_overhang(solid, 40, 10), find_islands(solid)
+    truth = find_overhang(solid, 40, 10), find_islands(solid, 0.2)
     sound = read_supports(text, profile.material.filament_diameter)
     tops = np.unique(np.round(sound.support.z_top, 3))
     taken = tops[len(tops) // 2]
