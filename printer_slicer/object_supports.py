@@ -154,6 +154,7 @@ def make_object_supports(
     from printer_slicer.supports.stacking import make_obstacles  # noqa: PLC0415
     from printer_slicer.supports.styles import make_supports  # noqa: PLC0415
     from printer_slicer.supports.support_layers import plan_shared_layers  # noqa: PLC0415
+    from printer_slicer.supports.unsupported_places import leave_out_bed  # noqa: PLC0415
 
     report("supports")
     groups = list(alike.values())
@@ -162,7 +163,9 @@ def make_object_supports(
     made, obstacles = [], [fill_layers(sections)]
     demands = list(zip(together, profiles, strict=True))
     plans = plan_shared_layers(demands, _find_start_heights(demands, obstacles[0]))
-    if not plans[0].layers.n_layers:  # all overhangs lie so low that the bed carries them
+    if all((plan.carrier < 0).all() for plan in plans) and not any(
+        leave_out_bed(*demand).area.n_rings for demand in demands
+    ):  # all overhangs lie so low that the bed carries them
         return None, []
     for overhangs, plan, profile in zip(together, plans, profiles, strict=True):
         made.append(make_supports(overhangs, plan, fill_layers(obstacles), profile, measure_group_times))

@@ -73,7 +73,8 @@ def plan_shared_layers(
     """Plan the layers of supports, from the bed to the highest overhang, which all objects share.
 
     The first layer is as high as that of the part. An overhang so low that no second layer fits is carried by the first
-    one, with more gap than wanted, or with as little as half of it. Below that, it has no carrier.
+    one, with more gap than wanted, or with as little as half of it. Below that, it has no carrier. If no overhang has
+    one, only the first layer is planned.
 
     Args:
         demands: overhangs, with the profile that has its gaps. The plan of each has the layers of its object. Layer
@@ -96,7 +97,7 @@ def plan_shared_layers(
         for own, (overhangs, profile) in zip(contacts, demands, strict=True)
     ]
     highest = max((int(carrier.max(initial=-1)) for carrier in found), default=-1)
-    layers = LayerPlan.from_tops(top[: highest + 1], "supports")
+    layers = LayerPlan.from_tops(top[: max(highest, 0) + 1], "supports")
     return [_make_plan(layers, carrier, *demand) for carrier, demand in zip(found, demands, strict=True)]
 
 

@@ -23,12 +23,14 @@ __all__ = [
     "UnsupportedPoints",
     "UnsupportedReasons",
     "find_unsupported_groups",
+    "leave_out_bed",
     "list_unsupported_places",
 ]
 
 _ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries overhangs
 _DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
 _AT_ISLAND: Final = 1.0  # mm, the same for the lowest point of an island
+_NEAR_BED: Final = 0.3  # mm above the bed, from where overhangs bend too far before they lie on it
 _CELL: Final = 0.5  # mm; side of the cells, and distance between points of overhangs
 _DIAGONAL: Final = 1.0  # radians, direction of the rows of points; rows along a side would miss narrow strips
 _LEAST: Final = 0.5  # mm²; smaller places are rounding
@@ -153,7 +155,7 @@ def list_unsupported_places(
         profile: gaps of supports, and the extrusion width.
         reasons: why supports are missing.
     """
-    overhangs = _leave_out_bed(overhangs, profile)
+    overhangs = leave_out_bed(overhangs, profile)
     beads = _Beads.of(paths, overhangs, profile)
     points = _join(_find_unsupported_points(overhangs, beads), _find_unsupported_islands(overhangs, beads))
     found = [_describe(one, overhangs, beads, sections, reasons) for one in _split_into_groups(points)]
@@ -168,7 +170,7 @@ def find_unsupported_groups(
     overhangs: Overhangs, paths: Toolpaths, profile: Profile
 ) -> list[UnsupportedPoints]:
     """Return the points of each place that `list_unsupported_places` lists, except islands; also of small places."""
-    overhangs = _leave_out_bed(overhangs, profile)
+    overhangs = leave_out_bed(overhangs, profile)
     return _split_into_groups(_find_unsupported_points(overhangs, _Beads.of(paths, overhangs, profile)))
 
 
@@ -180,10 +182,11 @@ def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:
     return [points.take(which) for which in parts if len(which)]
 
 
-def _leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
-    """Return the overhangs without those that are as near to the bed as to a support."""
+def leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
+    """Return the overhangs without those as near to the bed as to a support, and less than 0.3 mm above it."""
     quality = profile.quality
-    layers = overhangs.plan.bottom <= quality.support_gap + quality.support_gap_slack + _ROUNDING
+    near = min(quality.support_gap + quality.support_gap_slack + _ROUNDING, _NEAR_BED - _ROUNDING)
+    layers = overhangs.plan.bottom <= near
     if not layers[overhangs.area.ring_layer].any():
         return overhangs
     kept = ~layers

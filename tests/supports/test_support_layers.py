@@ -95,7 +95,7 @@ def test_what_hangs_lower_than_one_layer_is_told() -> None:
     found = plan_support_layers(overhangs, PROFILE)
 
     (place,) = list_places_without_room(overhangs, found)
-    assert found.layers.n_layers == 0
+    assert found.layers.n_layers == 1
     assert (place.x, place.y, place.z, place.area) == pytest.approx((2, 2, 0.2, 16))
     assert "no support layer fits" in place.reason
 

@@ -160,3 +160,16 @@ def test_beads_above_a_stretch_that_is_cut_get_columns() -> None:
 
     assert supports is not None
     assert not supports.unsupported
+
+
+@pytest.mark.parametrize(("gap", "area"), [(0.2, 0.0), (1.0, 400.0)])
+def test_ledges_just_above_the_bed_are_listed_if_the_gap_leaves_no_room(gap: float, area: float) -> None:
+    ledge = joined(
+        [box((20.0, 20.0, 10.0), (10.0, 0.0, 0.0)), box((40.0, 20.0, 2.0), (0.0, 0.0, 0.3))], "ledge"
+    )
+    profile = load_profile(quality="adaptive", changes={"support": "auto", "support_gap": gap})
+
+    supports = slice_stages(ledge, profile).supports
+
+    assert supports is not None
+    assert sum(place.area for place in supports.unsupported) == pytest.approx(area, abs=1.0)
