@@ -34,7 +34,7 @@ _STEP: Final = 0.18  # mm between samples along a bead
 _SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stand for its sides
 _BEYOND: Final = 1.5  # mm, margin of the grid
 _ROUNDING: Final = 1e-6  # mm
-_INSIDE: Final = 1 / 10  # widths from the middle of a bead to points that must both lie over the part
+_INSIDE: Final = 1 / 6  # widths from the middle of a bead to points that must both lie over the part
 _MOST_ABOVE: Final = 0.25  # mm above the gap, up to which supports lie on the part
 _BELOW: Final = 0.02  # mm; a bead lies on beads whose top is this little lower
 

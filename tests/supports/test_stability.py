@@ -15,7 +15,7 @@ from printer_slicer.kernel import VARIABLE, load_kernel
 from printer_slicer.model import Areas, LayerPlan, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.supports.bead_samples import find_carried, sample_beads
+from printer_slicer.supports.bead_samples import PartBelow, find_carried, sample_beads
 from printer_slicer.supports.stability import check_stability
 from printer_slicer.supports.styles import STYLES, measure_path_volume
 from printer_slicer.supports.support_paths import make_support_paths
@@ -270,6 +270,27 @@ def test_half_of_the_width_must_lie_on_something(y: float, shift: float, lies: b
 
     assert carried[samples.path == 0].all()
     assert (carried[samples.path == 1] == lies).all()
+
+
+@pytest.mark.parametrize(("aside", "lies"), [(-0.15, True), (0.03, False)])
+def test_beads_lie_on_slopes_only_near_them(aside: float, lies: bool) -> None:
+    plan = LayerPlan.from_tops(np.arange(1, 60) * 0.2)
+    steep = np.tan(np.radians(60.0))
+    high = 20.0 - plan.cut * steep  # a slope of 30 degrees
+    corners = [np.column_stack([(0, x, x, 0), (0, 0, 20, 20)]) for x in np.maximum(high, 0.1)]
+    solid = Areas(np.concatenate(corners), 4 * np.arange(60), np.arange(59), 59)
+    paths = two_lines(0.0, 0.0)
+    edge = 20.0 - (10.2 - 0.45) * steep
+    bead = replace(
+        paths,
+        xy=np.array([(edge + aside, 2.0), (edge + aside, 18.0)] * 2),
+        plan=LayerPlan.from_tops(np.array([10.2, 10.4])),
+    )
+    below = PartBelow.of(Sections(plan, solid), bead.plan, 0.2)
+    samples = sample_beads(bead)
+    which = np.flatnonzero(samples.path == 1)
+
+    assert (below.carries(samples, which, np.ones(len(which), np.int64)) == lies).all()
 
 
 @needs_kernel
