@@ -17,9 +17,9 @@ __all__ = ["add_matrix_option", "load_combinations"]
 _KINDS = ("printer", "material", "quality")
 
 
-def add_matrix_option(group: argparse._ArgumentGroup, what: str) -> None:
-    """Add --matrix; `what` is done for each combination."""
-    group.add_argument(
+def add_matrix_option(group: argparse._ActionsContainer, what: str) -> argparse.Action:
+    """Add --matrix, and return it; `what` is done for each combination."""
+    return group.add_argument(
         "--matrix",
         metavar="KEY=A,B",
         action="append",

@@ -139,3 +139,25 @@ def test_ctrl_c_leaves_whole_files_and_a_manifest(tmp_path: Path) -> None:
     for file in folder.glob("*.gcode"):
         assert file.read_text().rstrip().splitlines()[-1].startswith(";")
     assert not list(folder.glob("*.tmp*"))
+
+
+def test_plan_compares_settings_and_marks_the_plans_that_no_other_beats() -> None:
+    line = [
+        "plan",
+        PARTS / "vase.stl",
+        "--matrix",
+        "tolerance=0.05,0.1",
+        "--matrix",
+        "quality=adaptive",
+        *MACHINE,
+    ]
+    rows = json.loads(typed(*line, "--json").out)["plans"]
+    shown = typed(*line).out
+
+    assert [row["choices"]["tolerance"] for row in rows] == ["0.05", "0.1"]
+    assert rows[0]["max_error_mm"] < rows[1]["max_error_mm"]
+    assert rows[0]["seconds"] > rows[1]["seconds"]
+    assert [row["best"] for row in rows] == [True, True]
+    assert "* tolerance=0.05 quality=adaptive" in shown
+    refused = typed(*line, "--compare")
+    assert (refused.code, "--matrix: --compare" in refused.err) == (2, True)

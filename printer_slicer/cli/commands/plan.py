@@ -17,10 +17,13 @@ from printer_slicer.cli.arguments import (
     add_setting_options,
 )
 from printer_slicer.cli.help import mark_advanced
+from printer_slicer.cli.matrix import add_matrix_option, load_combinations
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import Milestones, check_outputs, describe_picture, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
+from printer_slicer.errors import UsageError
 from printer_slicer.texts import format_duration, format_significant
+from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.cli.output import StageReport
@@ -34,8 +37,11 @@ EXAMPLES: Final = """\
   printer-slicer plan part.stl --picture plan.png
   printer-slicer plan part.stl --compare --printer creality_ender3
   printer-slicer plan part.stl --tolerance 0.05 --heights 0.1:0.3:0.02
+  printer-slicer plan part.stl --matrix tolerance=0.02,0.05 --matrix layer_height=0.2,0.3
   printer-slicer plan part.stl --paper-tables
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
+
+_NAME_WIDTH: Final = 24  # characters, at least
 
 # Variants of the planners: name in the table -> changes to the profile.
 _VARIANTS: Mapping[str, dict[str, object]] = {
@@ -62,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="compare all planners, with the same tolerance and layer heights",
     )
+    mark_advanced(add_matrix_option(parser, "plan"))
     mark_advanced(
         parser.add_argument(
             "--paper-tables",
@@ -79,6 +86,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Compare layer plans of a part: of some planners, or with all combinations of settings."""
+    check_outputs(arguments)
+    return _run_matrix(arguments) if arguments.matrix else _run_planners(arguments)
+
+
+def _run_planners(arguments: argparse.Namespace) -> int:
     """Compare layer plans of a part, and print the certificate of the chosen plan."""
     import numpy as np
 
@@ -91,7 +104,6 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.slicing import cut, list_section_repairs
     from printer_slicer.surface import certify_stacks
 
-    check_outputs(arguments)
     profile = load_selected_profile(arguments)
     with show_stages(arguments) as report:
         mesh, plate, repairs = load_repaired_plate(arguments, profile, report)
@@ -126,6 +138,51 @@ def run(arguments: argparse.Namespace) -> int:
         print(_format_plans(arguments, table, rows))
         print("\n".join(_format_certificate(arguments, _format_plan_name(profile), facts, repaired)))
     return 0
+
+
+def _run_matrix(arguments: argparse.Namespace) -> int:
+    """Plan a part with all combinations of settings, and mark the plans that no other beats."""
+    from printer_slicer.batching.matrix import find_unbeaten_rows
+    from printer_slicer.cli.models import apply_projects, load_repaired_plate
+    from printer_slicer.pipeline import plan_objects
+    from printer_slicer.placing import place
+
+    for flag, value in (
+        ("--compare", arguments.compare),
+        ("--paper-tables", arguments.paper_tables),
+        ("--picture", arguments.picture),
+    ):
+        if value:
+            raise UsageError(f"--matrix: {flag} shows one set of settings only", remedy=f"Leave out {flag}")
+    combinations = load_combinations(arguments)
+    rows: list[dict[str, Any]] = []
+    with show_stages(arguments) as report:
+        mesh, plate, _ = load_repaired_plate(arguments, combinations[0].profile, report)
+        show = _make_progress_callback(arguments, report)
+        for done, one in enumerate(combinations):
+            name = " ".join(f"{key}={value}" for key, value in one.choices.items())
+            show(done, len(combinations), name)
+            profile, plate = apply_projects(arguments, one.profile, mesh, plate)
+            plate = replace(plate, tells=False)
+            part = place(mesh, profile.printer, plate.placement)
+            row = _measure_plan(part, profile, plan_objects(part, profile))
+            rows.append({"plan": name, "choices": dict(one.choices), **row})
+    figures = [[row["seconds"], row["max_error_mm"], row["volume_error_mm3"]] for row in rows]
+    rows = [row | {"best": mark} for row, mark in zip(rows, find_unbeaten_rows(figures), strict=True)]
+    if arguments.json:
+        print(json.dumps({"plans": rows} | plate.collect_facts() | collect_profile_facts(arguments)))
+    elif not arguments.quiet:
+        print(_format_matrix(arguments, rows))
+    return 0
+
+
+def _format_matrix(arguments: argparse.Namespace, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Format the plans of all combinations of settings as a table."""
+    from printer_slicer.cli.models import format_model_names
+
+    shown = [{**row, "plan": f"{'*' if row['best'] else ' '} {row['plan']}"} for row in rows]
+    note = "  *: no other plan has less print time, deviation and volume error"
+    return "\n".join([_format_comparison(format_model_names(arguments.models), shown), note])
 
 
 def _find_print_time(rows: list[dict[str, object]], name: str) -> float:
@@ -225,45 +282,48 @@ def _make_progress_callback(arguments: argparse.Namespace, report: StageReport) 
 
 def _compare_plans(
     part: Mesh, profile: Profile, chosen: Sequence[ObjectStack], show: _Progress, *, everything: bool
-) -> list[dict[str, object]]:
+) -> list[dict[str, Any]]:
     """Return a row for each plan: the uniform plans, those of all planners if `everything`, and the chosen plan."""
-    from printer_slicer.extrusion import move_seconds
-    from printer_slicer.facts.slicing import find_largest_flat_error
-    from printer_slicer.facts.stacks import collect_stack_facts
-    from printer_slicer.object_plans import list_stack_plans
-    from printer_slicer.pipeline import plan_objects, slice_part
-    from printer_slicer.surface import certify_stacks, find_flats
+    from printer_slicer.pipeline import plan_objects
 
-    rows: list[dict[str, object]] = []
+    rows: list[dict[str, Any]] = []
     jobs = _make_profiles_to_compare(profile, everything=everything)
     for done, (name, variant) in enumerate(jobs.items()):
         show(done, len(jobs), name)
         stacks = chosen if variant is profile else plan_objects(part, variant)
-        program = slice_part(part, variant, plan=list_stack_plans(stacks))
-        seconds = float(move_seconds(program, variant).sum())
-        certificate = certify_stacks(stacks)
-        plan, flat_error = (
-            certificate.plan,
-            max(find_largest_flat_error(find_flats(one.mesh)[0], one.plan) for one in stacks),
-        )
-        most, slowest = (rows[0]["layers"], rows[0]["seconds"]) if rows else (plan.n_layers, seconds)
-        rows.append(
-            {
-                "plan": name,
-                "layers": plan.n_layers,
-                "heights": [[n, h] for n, h in plan.runs()],
-                "seconds": round(seconds, 3),
-                "layers_saved": round(1 - plan.n_layers / float(str(most)), 4),
-                "time_saved": round(1 - seconds / float(str(slowest)), 4),
-                "filament_mm": round(program.filament_used, 3),
-                "max_error_mm": round(certificate.max_error, 6),
-                "volume_error_mm3": round(certificate.volume_error, 3),
-                "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
-                "flat_error_mm": round(flat_error, 6),
-                "stacks": collect_stack_facts(certificate),
-            }
-        )
+        row = _measure_plan(part, variant, stacks)
+        first = rows[0] if rows else row
+        saved = {
+            "layers_saved": round(1 - row["layers"] / first["layers"], 4),
+            "time_saved": round(1 - row["seconds"] / first["seconds"], 4),
+        }
+        rows.append({"plan": name, **row, **saved})
     return rows
+
+
+def _measure_plan(part: Mesh, profile: Profile, stacks: Sequence[ObjectStack]) -> dict[str, Any]:
+    """Return layers, print time and certified errors of a plan; the print time is that of the sliced part."""
+    from printer_slicer.extrusion import move_seconds
+    from printer_slicer.facts.slicing import find_largest_flat_error
+    from printer_slicer.facts.stacks import collect_stack_facts
+    from printer_slicer.object_plans import list_stack_plans
+    from printer_slicer.pipeline import slice_part
+    from printer_slicer.surface import certify_stacks, find_flats
+
+    program = slice_part(part, profile, plan=list_stack_plans(stacks))
+    certificate = certify_stacks(stacks)
+    flat_errors = [find_largest_flat_error(find_flats(one.mesh)[0], one.plan) for one in stacks]
+    return {
+        "layers": certificate.plan.n_layers,
+        "heights": [[n, h] for n, h in certificate.plan.runs()],
+        "seconds": round(float(move_seconds(program, profile).sum()), 3),
+        "filament_mm": round(program.filament_used, 3),
+        "max_error_mm": round(certificate.max_error, 6),
+        "volume_error_mm3": round(certificate.volume_error, 3),
+        "height_error_mm": round(certificate.overshoot - certificate.missing, 6),
+        "flat_error_mm": round(max(flat_errors), 6),
+        "stacks": collect_stack_facts(certificate),
+    }
 
 
 def _make_profiles_to_compare(profile: Profile, *, everything: bool) -> dict[str, Profile]:
@@ -316,28 +376,28 @@ def _format_plans(
     )
 
 
-def _format_comparison(name: str, rows: list[dict[str, object]]) -> str:
+def _format_comparison(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Format the comparison of plans as a table."""
-    head = (
-        f"  {'plan':<24}{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
-    )
-    return "\n".join([f"{name}: layer plans", head, *(_format_comparison_row(row) for row in rows)])
+    width = max(_NAME_WIDTH, *(len(row["plan"]) for row in rows))
+    columns = f"{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
+    head = f"  {'plan':<{width}}{columns}"
+    return "\n".join([f"{name}: layer plans", head, *(_format_comparison_row(row, width) for row in rows)])
 
 
-def _format_comparison_row(row: Mapping[str, Any]) -> str:
+def _format_comparison_row(row: Mapping[str, Any], width: int) -> str:
     """Format a plan as a line of the table, followed by a line for each stack if there are several."""
-    stacks = [_format_plan_row({"plan": f"  {one['objects']}", **one}, "") for one in row["stacks"]]
-    return "\n".join([_format_plan_row(row, format_duration(row["seconds"])), *stacks])
+    stacks = [_format_plan_row({"plan": f"  {one['objects']}", **one}, "", width) for one in row["stacks"]]
+    return "\n".join([_format_plan_row(row, format_duration(row["seconds"]), width), *stacks])
 
 
-def _format_plan_row(row: Mapping[str, Any], duration: str) -> str:
+def _format_plan_row(row: Mapping[str, Any], duration: str, width: int) -> str:
     """Format the numbers of a plan and its print time as a line."""
     from printer_slicer.facts.slicing import format_runs
 
     deviation = f"{format_significant(row['max_error_mm'])} mm"
     volume = f"{format_significant(row['volume_error_mm3'])} mm³"
     numbers = f"{row['layers']:>7}{duration:>14}{deviation:>13}{volume:>15}"
-    return f"  {row['plan']:<24.24}{numbers}   {format_runs(row['heights'])}"
+    return f"  {row['plan']:<{width}.{width}}{numbers}   {format_runs(row['heights'])}"
 
 
 def _format_paper_tables(name: str, table: Mapping[str, Any], rows: list[dict[str, object]]) -> str:
