@@ -52,7 +52,11 @@ def resolve_inputs(arguments: argparse.Namespace) -> Iterator[str]:
     several = "files" if hasattr(arguments, "files") else "models"
     models = [path for one in getattr(arguments, several, ()) for path in _expand_model(one)]
     gcode = getattr(arguments, "gcode", None)
-    if gcode is not None:
+    if gcode is not None and hasattr(arguments, "more_files"):
+        found = [path for one in (gcode, *arguments.more_files) for path in _expand_pattern(one)]
+        gcode, *arguments.more_files = found
+        arguments.gcode = gcode
+    elif gcode is not None:
         arguments.gcode = gcode = _expand_to_one_file(gcode)
     profiles = _collect_profile_names(arguments)
     stdin_count = [*models, *([gcode] if gcode is not None else []), *map(Path, profiles)].count(_STDIN_PATH)
@@ -147,7 +151,7 @@ def _expand_to_one_file(path: Path) -> Path:
     if len(found) > 1:
         raise UsageError(
             f"{path}: matches {len(found)} files, such as {found[0].name} and {found[1].name}; one is expected",
-            remedy='Check them one by one: for file in *.gcode; do printer-slicer check "$file"; done',
+            remedy="Name one of them",
         )
     return found[0]
 

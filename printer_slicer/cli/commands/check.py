@@ -28,6 +28,7 @@ from printer_slicer.cli.output import (
     write_file,
 )
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
+from printer_slicer.cli.several_files import FilesAction, run_for_each_file
 from printer_slicer.cli.unused_options import reject_options_without_model
 from printer_slicer.diagnostics import as_former_json, as_json, format_first_error, sentence
 from printer_slicer.errors import UsageError, VerificationError
@@ -48,6 +49,7 @@ __all__ = ["EXAMPLES", "add_arguments", "run"]
 
 EXAMPLES: Final = """\
   printer-slicer check part.gcode                    commands, temperatures, moves, speeds
+  printer-slicer check *.gcode                       one line per file
   printer-slicer check part.gcode --link 115200      find buffer underruns at this baud rate
   printer-slicer check part.gcode --model part.stl   compare the extrusions with the part
   printer-slicer check part.gcode --model part.stl --picture faults.png --json
@@ -65,7 +67,14 @@ _ADVISED_SHARE: Final = 0.95  # of the link's throughput
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check`."""
-    parser.add_argument("gcode", metavar="FILE.gcode", type=Path, help="G-code of any slicer")
+    parser.add_argument(
+        "gcode",
+        metavar="FILE.gcode",
+        type=Path,
+        nargs="+",
+        action=FilesAction,
+        help="G-code of any slicer; of several files, one line each",
+    )
     group = parser.add_argument_group("machine")
     add_machine_options(group)
     _add_link_options(group)
@@ -153,6 +162,26 @@ def _list_given_comparison_options(arguments: argparse.Namespace) -> list[str]:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Analyse G-code files: one in detail, several with one line each."""
+    if not arguments.more_files:
+        return _run_for_one_file(arguments)
+    if arguments.models:
+        raise UsageError(
+            f"--model: one file is compared with its model, not {len(arguments.more_files) + 1}",
+            remedy="Check the files one by one",
+        )
+
+    def run_one(path: Path) -> int:
+        own = {"gcode": path, "more_files": [], "json": True, "quiet": True}
+        return _run_for_one_file(argparse.Namespace(**{**vars(arguments), **own}))
+
+    files = [arguments.gcode, *arguments.more_files]
+    return run_for_each_file(
+        arguments, files, run_one, lambda facts: format_count(len(facts["diagnostics"]), "finding")
+    )
+
+
+def _run_for_one_file(arguments: argparse.Namespace) -> int:
     """Analyse a G-code file, compare it with its model if there is one, and print the findings."""
     from printer_slicer.cli.models import format_model_names, load_repaired_plate
     from printer_slicer.commands import read_text

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import (
     STRICT_HELP,
@@ -20,6 +21,8 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.output import describe_picture, print_text, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.cli.simulator_options import add_simulator_options
+from printer_slicer.errors import UsageError
+from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
     from printer_slicer.inspection.dry_run.judging import Verdict
@@ -31,6 +34,7 @@ __all__ = ["EXAMPLES", "add_arguments", "run"]
 EXAMPLES: Final = """\
   printer-slicer dry-run part.stl
   printer-slicer dry-run part.gcode --printer marlin_220 --json
+  printer-slicer dry-run *.gcode                     one line per file
   printer-slicer dry-run part.gcode --link 57600 --picture print.png"""
 
 
@@ -54,6 +58,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    """Print on the simulated printer: one job in detail, several G-code files with one line each."""
+    from printer_slicer.jobs import is_gcode
+
+    if len(arguments.models) < 2 or not all(map(is_gcode, arguments.models)):
+        return _run_for_one_job(arguments)
+    from printer_slicer.cli.several_files import run_for_each_file
+
+    if arguments.picture:
+        raise UsageError(
+            f"--picture {arguments.picture}: one picture cannot show {len(arguments.models)} files",
+            remedy="Leave out --picture, or name one file",
+        )
+
+    def run_one(path: Path) -> int:
+        own = {"models": [path], "json": True, "quiet": True}
+        return _run_for_one_job(argparse.Namespace(**{**vars(arguments), **own}))
+
+    return run_for_each_file(arguments, arguments.models, run_one, _describe_facts)
+
+
+def _describe_facts(facts: Mapping[str, Any]) -> str:
+    """Return time and filament of a dry run."""
+    return f"{format_duration(facts['total_seconds'])}, {format_significant(facts['filament_g'])} g"
+
+
+def _run_for_one_job(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer, and report errors, times and material."""
     from printer_slicer.cli.jobs import (
         choose_profile_arguments,
