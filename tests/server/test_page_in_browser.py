@@ -106,9 +106,9 @@ FOCUS = """() => {
     const all = [...document.querySelectorAll("*")];
     return [all.indexOf(one), one.textContent, getComputedStyle(shown).outlineStyle];
 }"""
-DROP = """([text, name]) => {
+DROP = """([content, name]) => {
     const data = new DataTransfer();
-    data.items.add(new File([text], name));
+    data.items.add(new File([typeof content === "string" ? content : new Uint8Array(content)], name));
     document.querySelector(".drop").dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true }));
 }"""
 
@@ -247,9 +247,9 @@ def enter(page: Page, wanted: Locator) -> None:
     page.keyboard.press("Enter")
 
 
-def make_model(folder: Path, name: str) -> Path:
-    """A small box with a name."""
-    ps.export_stl(box((10, 10, 3)), folder / name)
+def make_model(folder: Path, name: str, size: tuple[float, float, float] = (10, 10, 3)) -> Path:
+    """A box with a name, small if no size is given."""
+    ps.export_stl(box(size), folder / name)
     return folder / name
 
 
@@ -346,6 +346,44 @@ def watch_print_with_keys(page: Page, name: str) -> None:
     page.get_by_role("link", name="History").focus()
     page.keyboard.press("Enter")
     page.locator("li.card", has_text=name).get_by_text("done", exact=True).first.wait_for()
+
+
+@pytest.mark.parametrize("page", [SIZES[0], SIZES[3]], indirect=True)
+def test_a_dropped_model_is_sliced_queued_and_printed(page: Page, tmp_path: Path) -> None:
+    size = page.viewport_size
+    assert size is not None
+    model = make_model(tmp_path, f"dropped {size['width']} {MODEL_NAME}")
+    drop_model(page, model)
+    page.get_by_role("combobox", name="Quality").select_option("draft")
+    page.get_by_role("combobox", name="Printer").select_option("fast")
+    page.get_by_role("button", name="Slice", exact=True).click()
+    page.get_by_role("heading", name=f"{model.name} is sliced").wait_for()
+    page.get_by_role("button", name=re.compile("^Print ")).click()
+    page.get_by_role("status").filter(has_text="is in the queue").wait_for()
+    watch_print_with_keys(page, model.stem)
+
+
+def drop_model(page: Page, model: Path) -> None:
+    """Drop a model on the section for new jobs."""
+    open_section(page, "New job")
+    page.evaluate(DROP, [list(model.read_bytes()), model.name])
+    page.get_by_role("heading", name=model.name, exact=True).wait_for()
+
+
+def test_a_model_is_shown_again_after_the_page_is_reloaded(page: Page, tmp_path: Path) -> None:
+    model = make_model(tmp_path, f"reloaded {MODEL_NAME}", size=(60, 60, 40))
+    drop_model(page, model)
+    page.get_by_role("button", name="Slice", exact=True).click()
+    progress = page.get_by_role("status").filter(has_text=f"{model.name}: ")
+    progress.wait_for()
+    page.reload()
+    progress.wait_for()
+    page.get_by_role("heading", name=f"{model.name} is sliced").wait_for()
+    page.reload()
+    page.get_by_role("heading", name=f"{model.name} is sliced").wait_for()
+    page.get_by_role("button", name=re.compile("^Print ")).wait_for()
+    drop_model(page, model)
+    assert page.get_by_role("heading", name=f"{model.name} is sliced").count() == 0
 
 
 def test_a_dropped_model_that_cannot_be_sliced_says_why(page: Page) -> None:

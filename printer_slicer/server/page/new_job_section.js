@@ -4,7 +4,7 @@
 import { makeButton } from "./buttons.js";
 import { makeDropArea } from "./drop_area.js";
 import { make, setShown, setText } from "./elements.js";
-import { tell } from "./messages.js";
+import { tell, tellError } from "./messages.js";
 import { makeSliceForm } from "./slice_form.js";
 import { makePlans, makeSlicedFiles } from "./slice_result.js";
 import { makeSliceTask } from "./slice_task.js";
@@ -29,22 +29,26 @@ export function makeNewJobSection() {
     result.replaceChildren();
     name.focus();
   });
-  const work = async (path, fields, show) => {
-    if (task.isRunning()) return tell("Wait for the end of the work on this model, or cancel it");
-    result.replaceChildren();
-    const ended = await task.run(path, model, fields);
+  const show = async (ended) => {
     if (ended.state === "cancelled") return tell(`${ended.name} is cancelled`);
-    result.replaceChildren(await show(ended));
+    if (ended.command === "slice") tell(`${ended.name} is sliced`);
+    result.replaceChildren(ended.command === "plan" ? makePlans(ended, form.usePlan) : await makeSlicedFiles(ended));
     return result.querySelector("h3, caption").focus();
   };
-  const slice = () =>
-    work("/v1/slices", form.readFields(), async (ended) => {
-      tell(`${ended.name} is sliced`);
-      return makeSlicedFiles(ended);
-    });
-  const plan = async () => {
-    if (form.element.reportValidity()) await work("/v1/plans", form.readFields("optimal"), (ended) => makePlans(ended, form.usePlan));
+  const work = async (path, fields) => {
+    if (task.isRunning()) return tell("Wait for the end of the work on this model, or cancel it");
+    result.replaceChildren();
+    return show(await task.run(path, model, fields));
   };
+  const slice = () => work("/v1/slices", form.readFields());
+  const plan = async () => {
+    if (form.element.reportValidity()) await work("/v1/plans", form.readFields("optimal"));
+  };
+  const resume = async () => {
+    const ended = await task.resume();
+    if (ended) await show(ended);
+  };
+  let isResumed = false;
   const refused = make("p", {}, "Your key does not allow to upload models.");
   return {
     title: "New job",
@@ -53,6 +57,8 @@ export function makeNewJobSection() {
       setShown(refused, !allows("upload"));
       setShown(drop, allows("upload"));
       form.showChoices();
+      if (!isResumed) resume().catch(tellError);
+      isResumed = true;
     },
   };
 }

@@ -7,13 +7,15 @@ import { request, uploadFile } from "./requests.js";
 
 const STAGES = ["starting", "loading", "repairing", "placing", "planning", "slicing", "perimeters", "regions", "toolpaths", "ordering", "travels", "extrusion", "writing"];
 const PAUSE = 300; // ms
+const LAST_TASK = "printer_slicer_task";
 
 /**
- * Return the progress, and a function that runs a task until it ends.
+ * Return the progress, and functions that follow a task until it ends.
  *
- * @returns {{element: HTMLElement, isRunning: () => boolean,
+ * @returns {{element: HTMLElement, isRunning: () => boolean, resume: () => Promise<any>,
  *   run: (path: string, model: File, fields: Record<string, string>) => Promise<any>}}
- *   `run` returns the task that has ended, and throws an error if it has failed
+ *   both return the task that has ended, and throw an error if it has failed; `resume` follows the last task of this
+ *   tab after the page was loaded again, and returns null if there is none
  */
 export function makeSliceTask() {
   const text = make("p", { role: "status" });
@@ -23,31 +25,49 @@ export function makeSliceTask() {
   const element = make("div", { class: "card", hidden: true }, text, bar, cancel);
 
   const follow = async () => {
+    sessionStorage.setItem(LAST_TASK, task.id);
     while (task.state === "waiting" || task.state === "slicing") {
       setShown(cancel, true);
       setText(text, `${task.name}: ${task.stage || "waiting"}`);
       bar.value = findShare(task.stage);
       await new Promise((resume) => setTimeout(resume, PAUSE));
-      task = await request("GET", `/v1/slices/${task.id}`);
+      task = await findTask(task.id).catch((error) => {
+        if (error.status) throw error;
+        return task; // the server cannot be reached at the moment
+      });
     }
+    if (task.state === "failed") throw new Error(task.message);
     return task;
   };
-  const run = async (path, model, fields) => {
+  const show = async (first, begin) => {
     setShown(element, true);
     setShown(cancel, false);
-    element.scrollIntoView({ block: "nearest" });
-    setText(text, `Uploading ${model.name}`);
+    setText(text, first);
     try {
-      task = await uploadFile(path, { ...fields, file: model }, (share) => (bar.value = share));
-      const ended = await follow();
-      if (ended.state === "failed") throw new Error(ended.message);
-      return ended;
+      task = await begin();
+      return await follow();
     } finally {
       task = null;
       setShown(element, false);
     }
   };
-  return { element, run, isRunning: () => !element.hidden };
+  const run = (path, model, fields) => {
+    sessionStorage.removeItem(LAST_TASK);
+    const ended = show(`Uploading ${model.name}`, () => uploadFile(path, { ...fields, file: model }, (share) => (bar.value = share)));
+    element.scrollIntoView({ block: "nearest" });
+    return ended;
+  };
+  const resume = async () => {
+    const id = sessionStorage.getItem(LAST_TASK);
+    sessionStorage.removeItem(LAST_TASK);
+    return id && show("Looking for the last model", () => findTask(id));
+  };
+  return { element, run, resume, isRunning: () => !element.hidden };
+}
+
+/** Return a task as it is now. */
+function findTask(id) {
+  return request("GET", `/v1/slices/${id}`);
 }
 
 /** Return how much is done when a stage begins, 0 to 1. */
