@@ -189,11 +189,8 @@ class AccessStore:
         return secret
 
     def find_session(self, secret: str) -> Access | None:
-        """Return what a session allows; None if there is none."""
-        return self.find_session_by_hash(_hash(secret))
-
-    def find_session_by_hash(self, session: bytes) -> Access | None:
-        """Return what the session with this hash allows now; None if it has ended."""
+        """Return what a session allows now; None if there is none, or if it has ended."""
+        session = _hash(secret)
         statement = """
             SELECT session.id AS session, session.created AS begun, key.* FROM session
             LEFT JOIN key ON session.key = key.id WHERE session.id = ?

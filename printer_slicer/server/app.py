@@ -35,6 +35,7 @@ from printer_slicer.server.openapi import describe_interface
 from printer_slicer.server.operations import (
     SESSION_COOKIE,
     Operation,
+    read_key,
     require_access,
     run_operation,
 )
@@ -50,7 +51,7 @@ _MAX_SOCKETS: Final = 50
 _MAX_SOCKETS_PER_ADDRESS: Final = 20
 _ONE_RANGE: Final = re.compile(r"bytes=(\d{1,18}-\d{0,18}|-\d{1,18})")
 _TICK: Final = 0.2  # s between messages to one browser
-_PING: Final = 5.0  # s between looks whether a session still exists
+_PING: Final = 5.0  # s between looks whether the key or session still exists
 
 
 def make_app(services: Services) -> Starlette:
@@ -255,7 +256,7 @@ async def _serve_feed(websocket: WebSocket) -> None:
     sockets[address] += 1
     reader = asyncio.create_task(_wait_for_end(websocket))
     try:
-        await _send_changes(websocket, services, access, reader)
+        await _send_changes(websocket, services, reader)
     except (WebSocketDisconnect, RuntimeError):
         pass  # the browser has gone
     finally:
@@ -264,22 +265,20 @@ async def _serve_feed(websocket: WebSocket) -> None:
 
 
 def _find_reader(connection: HTTPConnection, services: Services) -> Access | None:
-    """Return the access of the one who opens a socket, if it may read."""
-    key = connection.headers.get("x-api-key", "")
+    """Return what the key or session of a socket allows now; None if it does not allow to read."""
+    key = read_key(connection.headers)
     secret = connection.cookies.get(SESSION_COOKIE, "")
     access = services.access.find_key(key) if key else services.access.find_session(secret)
     return access if access and access.allows("read") else None
 
 
-async def _send_changes(
-    websocket: WebSocket, services: Services, access: Access, reader: asyncio.Task[None]
-) -> None:
+async def _send_changes(websocket: WebSocket, services: Services, reader: asyncio.Task[None]) -> None:
     """Send what changes, at most five times a second."""
     feed: Feed = websocket.app.state.feed
     position = FeedPosition()
     while not reader.done():
-        if access.session and services.access.find_session_by_hash(access.session) is None:
-            await websocket.close(1008, "the session has ended")
+        if _find_reader(websocket, services) is None:
+            await websocket.close(1008, "the session has ended, or the key was deleted")
             return
         messages, position = feed.list_messages(position)
         for message in messages:

@@ -23,6 +23,7 @@ __all__ = [
     "CheckedRequest",
     "Operation",
     "find_access",
+    "read_key",
     "read_request_id",
     "require_access",
     "run_operation",
@@ -100,10 +101,7 @@ def find_access(request: Request) -> Access:
         ProblemError: it has no valid key and no session, or another site may have sent it.
     """
     services: Services = request.app.state.services
-    text = request.headers.get("x-api-key") or ""
-    scheme, _, token = request.headers.get("authorization", "").partition(" ")
-    if not text and scheme.lower() == "bearer":
-        text = token.strip()
+    text = read_key(request.headers)
     if text:
         access = services.access.find_key(text)
     else:
@@ -115,6 +113,13 @@ def find_access(request: Request) -> Access:
         what = "the key is unknown" if text else "the request has no key"
         raise ProblemError(401, what, "Create a key, see docs/server.md")
     return access
+
+
+def read_key(headers: Mapping[str, str]) -> str:
+    """Return the key in the headers of a request; empty without one."""
+    text = headers.get("x-api-key") or ""
+    scheme, _, token = headers.get("authorization", "").partition(" ")
+    return token.strip() if not text and scheme.lower() == "bearer" else text
 
 
 def require_access(request: Request, permission: Permission) -> Access:

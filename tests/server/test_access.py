@@ -119,6 +119,18 @@ def test_another_site_changes_nothing_with_a_cookie(
     assert server.put("/v1/printers/left/bed", json={"bed": "clear"}, headers=PAGE).status_code == 200
 
 
+@pytest.mark.parametrize("header", ["x-api-key", "authorization"])
+def test_a_deleted_key_closes_its_socket(server: ServerClient, access: AccessStore, header: str) -> None:
+    key, text = access.create_key("phone", frozenset({"read"}))
+    del server.headers["x-api-key"]
+    headers = {header: f"Bearer {text}" if header == "authorization" else text}
+    with server.websocket_connect("/v1/feed", headers=headers) as feed:
+        feed.receive_text()
+        access.delete_key(key.id)
+        with pytest.raises(WebSocketDisconnect):
+            feed.receive_text()
+
+
 def test_a_session_ends_with_its_key_and_closes_its_sockets(
     server: ServerClient, access: AccessStore
 ) -> None:

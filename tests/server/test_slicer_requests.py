@@ -1,7 +1,7 @@
-"""Requests of slicers, byte for byte on a socket.
+"""Requests of slicers on a socket, reconstructed: nothing was recorded from a running slicer.
 
-Fields, their order and headers are those in the sources of PrusaSlicer 2.9 (libcurl), OrcaSlicer, and Cura's OctoPrint
-plug-in (Qt), with the values that these libraries add.
+Requests, fields and their order follow a reading of the sources of PrusaSlicer 2.9, OrcaSlicer and Cura's OctoPrint
+plug-in. Boundaries, versions and the headers of libcurl and Qt are examples in the form that these libraries use.
 """
 
 from __future__ import annotations
