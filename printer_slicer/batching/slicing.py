@@ -41,7 +41,7 @@ from printer_slicer.values import replace
 __all__ = ["slice_task"]
 
 _PICTURE: Final = (160, 120)  # px
-_LOADED: Final[dict[tuple[str, str | None], Model]] = {}
+_LOADED: Final[dict[tuple[str, str, str | None], Model]] = {}
 """The model that was read last, because a sweep slices the same one many times."""
 
 
@@ -89,12 +89,25 @@ def _slice_file(task: BatchTask, report: Report) -> BatchResult:
 
 def _load(file: TaskModel, units: str | None, report: Report) -> Model:
     """Read a model, unless it was read last."""
-    key = (file.sha256, units)
+    key = (file.name, file.sha256, units)
     if key not in _LOADED:
         _LOADED.clear()
         report("loading")
-        _LOADED[key] = load_model(file.path, units=units)
+        _LOADED[key] = _name_mesh(
+            load_model(file.path, units=units), Path(file.path).stem, Path(file.name).stem
+        )
     return _LOADED[key]
+
+
+def _name_mesh(model: Model, stored: str, name: str) -> Model:
+    """Return a model whose parts have the name of its file instead of the one under which it is stored."""
+    if stored == name:
+        return model
+    mesh = model.mesh
+    objects = tuple(replace(item, name=name) if item.name == stored else item for item in mesh.objects)
+    return replace(
+        model, mesh=replace(mesh, name=name if mesh.name == stored else mesh.name, objects=objects)
+    )
 
 
 def _transform(model: Model, task: BatchTask, report: Report) -> tuple[list[Mesh], list[str]]:
@@ -116,11 +129,13 @@ def _transform(model: Model, task: BatchTask, report: Report) -> tuple[list[Mesh
 
 
 class _Plate(NamedTuple):
-    """A plate of parts, its placement, and the name of its G-code file."""
+    """A plate of parts, its placement, the name of its G-code file, its number, and the number of plates."""
 
     mesh: Mesh
     placement: Placement
     file: str
+    number: int = 1
+    n_plates: int = 1
 
 
 def _make_plates(task: BatchTask, parts: list[Mesh], report: Report) -> list[_Plate]:
@@ -129,9 +144,12 @@ def _make_plates(task: BatchTask, parts: list[Mesh], report: Report) -> list[_Pl
         return [_Plate(parts[0], IN_THE_MIDDLE, f"{task.name}.gcode")]
     report("arranging")
     plates = arrange([part for part in parts for _ in range(task.options.copies)], task.profile)
-    names = [f"{task.name}-{number}.gcode" for number in range(1, len(plates) + 1)]
-    names = names if len(plates) > 1 else [f"{task.name}.gcode"]
-    return [_Plate(plate, Placement(as_placed=True), name) for plate, name in zip(plates, names, strict=True)]
+    if len(plates) == 1:
+        return [_Plate(plates[0], Placement(as_placed=True), f"{task.name}.gcode")]
+    return [
+        _Plate(plate, Placement(as_placed=True), f"{task.name}-{number}.gcode", number, len(plates))
+        for number, plate in enumerate(plates, start=1)
+    ]
 
 
 def _slice_plate(
@@ -150,6 +168,7 @@ def _slice_plate(
     late = list_slicing_warnings(stages, profile, unsupported)
     warnings += late
     facts |= {"unsupported": list_unsupported_facts(unsupported), "warnings": late}
+    facts |= {"plate": plate.number, "plates": plate.n_plates}
     digest = sha256(text).hexdigest()
     if task.folder:
         save(Path(task.folder) / plate.file, text)

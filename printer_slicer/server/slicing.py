@@ -1,7 +1,7 @@
 """Slice models that were uploaded, or compare their layer plans: one task after the other, in processes with limits.
 
-The process runs the command `slice` or `plan`, so a model becomes the same G-code as on the command line. Its messages
-tell the stage; the result of `slice` are files in the store of the queue.
+Models are sliced as by `batch`, in a process that lasts while tasks wait; the G-code goes to the store of the queue.
+Plans are compared by the command `plan`, whose messages tell the stage.
 """
 
 from __future__ import annotations
@@ -12,19 +12,23 @@ import secrets
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from shutil import rmtree
 from threading import Lock
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-from printer_slicer.errors import UsageError
+from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits
+from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.input_files import read_pieces
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.print_queue.records import clean_name
-from printer_slicer.server.workers import FileReader
+from printer_slicer.server.workers import MAX_BYTES, MAX_SECONDS, NICENESS, FileReader
 from printer_slicer.values import Struct, replace
+
+if TYPE_CHECKING:
+    from printer_slicer.batching.tasks import BatchResult
 
 __all__ = ["MODEL_ENDINGS", "SliceCommand", "SliceRequest", "SliceTask", "Slicer", "check_profile_name"]
 
@@ -33,6 +37,7 @@ MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf",
 
 SliceCommand = Literal["slice", "plan"]
 
+_LIMITS: Final = ProcessLimits(MAX_SECONDS, MAX_BYTES, NICENESS)
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
 _PROFILE_NAME: Final = re.compile(r"[A-Za-z0-9](?!.*\.toml$)[\w .+-]{0,79}")
@@ -79,7 +84,7 @@ class SliceTask(Struct, frozen=True):
         stage: what it does at the moment, such as `planning`.
         message: what went wrong, or the warnings, one per line.
         files: ids of the G-code files, one per plate.
-        facts: what the command tells with `--json`, without paths: one entry per file, or of `plan` one with `plans`.
+        facts: what `slice --json` tells of each file, or what `plan --json` tells as `plans`.
     """
 
     id: str
@@ -106,6 +111,8 @@ class Slicer:
         self._pool = ThreadPoolExecutor(1, "slicer")
         self._tasks: dict[str, SliceTask] = {}
         self._processes: dict[str, subprocess.Popen[str]] = {}
+        self._futures: dict[str, Future[BatchResult]] = {}
+        self._executor: ProcessExecutor | None = None
         self.folder = queue.folder / "models"
         """Folder of the models, each in a folder of its own until it is sliced."""
 
@@ -114,6 +121,7 @@ class Slicer:
         for task in self.list_tasks():
             self.cancel(task.id)
         self._pool.shutdown()
+        self._end_executor()
 
     def add(
         self, model: Path, name: str, request: SliceRequest, command: SliceCommand = "slice"
@@ -123,7 +131,7 @@ class Slicer:
         Raises:
             UsageError: there is no such printer, or a setting has an impossible name.
         """
-        arguments = self._list_arguments(request)
+        names = self._choose_profiles(request)
         task = SliceTask(secrets.token_hex(8), clean_name(name), request.printer, command)
         with self._lock:
             while len(self._tasks) >= _MAX_TASKS:
@@ -135,7 +143,7 @@ class Slicer:
                     )
                 del self._tasks[oldest]
             self._tasks[task.id] = task
-        self._pool.submit(self._run, task.id, model, arguments)
+        self._pool.submit(self._run, task.id, model, request, names)
         return task
 
     def list_tasks(self) -> tuple[SliceTask, ...]:
@@ -166,10 +174,14 @@ class Slicer:
                 self._tasks[task] = replace(self._tasks[task], state="cancelled", stage="")
             if task in self._processes:
                 self._processes[task].kill()
+            future = self._futures.get(task)
+        if future is not None:
+            future.cancel()
+        with self._lock:
             return self._tasks[task]
 
-    def _list_arguments(self, request: SliceRequest) -> list[str]:
-        """Return the options of the command."""
+    def _choose_profiles(self, request: SliceRequest) -> dict[str, str]:
+        """Check a request, and return its printer, material and quality; without a quality, the default."""
         entries = {entry.name: entry for entry in self._queue.list_printers()}
         if request.printer not in entries:
             raise UsageError(
@@ -187,10 +199,8 @@ class Slicer:
             check_profile_name(request.quality)
         entry = entries[request.printer]
         state = next(one for one in self._queue.snapshot().printers if one.name == request.printer)
-        options = [("printer", entry.profile), ("material", state.material), ("copies", request.copies)]
-        options += [("quality", request.quality)] if request.quality else []
-        options += [("set", f"{key}={value}") for key, value in request.settings.items()]
-        return [f"--{name}={value}" for name, value in options]
+        names = {"printer": entry.profile, "material": state.material}
+        return names | ({"quality": request.quality} if request.quality else {})
 
     def _change(self, task: str, **values: Any) -> bool:
         """Change a task that was not cancelled; return whether it was changed."""
@@ -200,37 +210,84 @@ class Slicer:
             self._tasks[task] = replace(self._tasks[task], **values)
             return True
 
-    def _run(self, task: str, model: Path, arguments: Sequence[str]) -> None:
-        """Slice a model, and store the G-code."""
+    def _run(self, task: str, model: Path, request: SliceRequest, names: Mapping[str, str]) -> None:
+        """Slice a model, and store the G-code, or compare its plans."""
         try:
             if self._change(task, state="slicing", stage="starting"):
-                self._work(task, model, arguments)
+                work = self._slice if self.find(task).command == "slice" else self._plan
+                work(task, model, request, names)
         except Exception as error:  # noqa: BLE001 - a fault of one task must not stop the others
             self._change(task, state="failed", stage="", message=f"the server has a fault: {error}")
         finally:
             with self._lock:
                 self._processes.pop(task, None)
+                self._futures.pop(task, None)
             rmtree(model.parent, ignore_errors=True)
+            if all(one.state != "waiting" for one in self.list_tasks()):
+                self._end_executor()
 
-    def _work(self, task: str, model: Path, arguments: Sequence[str]) -> None:
-        """Run the command of a task, and store its result."""
-        found = self.find(task)
-        output = model.parent / "sliced"
+    def _end_executor(self) -> None:
+        """End the process that slices, because it needs much memory."""
+        if self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
+            self._executor = None
+
+    def _slice(self, task: str, model: Path, request: SliceRequest, names: Mapping[str, str]) -> None:
+        """Slice a model, and store its G-code."""
+        from printer_slicer.batching.tasks import read_task_model  # noqa: PLC0415 - most servers only print
+        from printer_slicer.server.model_slicing import UploadedModel, slice_upload  # noqa: PLC0415 - the same
+
+        name, output = self.find(task).name, model.parent / "sliced"
         output.mkdir()
-        written = ["-o", f"{output}/{model.stem}.gcode"] if found.command == "slice" else []
-        words = [found.command, str(model), *written, "--json", "--verbose", *arguments]
-        code, text, lines = self._run_command(task, words)
+        file = replace(read_task_model(model), name=name)
+        upload = UploadedModel(task, file, names, request.settings, request.copies, str(output))
+        if self._executor is None:
+            self._executor = ProcessExecutor(1, _LIMITS, self._note_stage)
+        future = self._executor.submit(slice_upload, upload)
+        with self._lock:
+            self._futures[task] = future
+        result = self._wait_for(future)
+        text = (
+            (result.problem or "\n".join(result.warnings)).replace(str(model), name).replace(model.name, name)
+        )
+        if result.problem:
+            self._change(task, state="failed", stage="", message=text)
+            return
+        files = tuple(self._store(output / one.name, len(result.files), name) for one in result.files)
+        facts = tuple(one.facts for one in result.files)
+        self._change(task, state="done", stage="", files=files, facts=facts, message=text)
+
+    def _note_stage(self, task: str, stage: str) -> None:
+        """Note a stage that the process tells."""
+        with suppress(KeyError):  # the task was forgotten
+            self._change(task, stage=stage)
+
+    def _wait_for(self, future: Future[BatchResult]) -> BatchResult:
+        """Return the result of a task; a process that ended is a problem, too."""
+        from printer_slicer.batching.tasks import BatchResult  # noqa: PLC0415 - most servers only print
+
+        try:
+            return future.result()
+        except PrinterSlicerError as error:
+            problem = str(error)
+        except (CancelledError, TimeoutError, RuntimeError):
+            problem = "the model needs more time or memory than allowed"
+        return BatchResult("", "", "", "", problem=problem)
+
+    def _plan(self, task: str, model: Path, request: SliceRequest, names: Mapping[str, str]) -> None:
+        """Compare the layer plans of a model."""
+        found = self.find(task)
+        options = [*names.items(), ("copies", request.copies)]
+        options += [("set", f"{key}={value}") for key, value in request.settings.items()]
+        words = ["plan", str(model), "--json", "--verbose", *(f"--{key}={value}" for key, value in options)]
+        code, text, line = self._run_command(task, words)
         text = text.replace(str(model), found.name).replace(model.name, found.name)
         if code:
             text = text.removeprefix("printer-slicer: ") or "the model needs more time or memory than allowed"
             self._change(task, state="failed", stage="", message=text)
             return
-        facts = [_parse_facts(line, model, found.name) for line in lines.splitlines()]
-        if found.command == "plan":
-            facts = [{"plans": one["plans"]} for one in facts]
-        paths = [Path(one.pop("output")) for one in facts if "output" in one]
-        files = tuple(self._store(path, len(paths), found.name) for path in paths)
-        self._change(task, state="done", stage="", files=files, facts=tuple(facts), message=text)
+        facts = ({"plans": _parse_facts(line, model, found.name)["plans"]},)
+        self._change(task, state="done", stage="", facts=facts, message=text)
 
     def _run_command(self, task: str, words: Sequence[str]) -> tuple[int, str, str]:
         """Run a command, and follow its stages; return its exit code, its other messages, and its output."""

@@ -26,11 +26,11 @@ from printer_slicer.saving import save
 if TYPE_CHECKING:
     from printer_slicer.preview import Preview
 
-__all__ = ["FileReader", "limit_process"]
+__all__ = ["MAX_BYTES", "MAX_SECONDS", "NICENESS", "FileReader", "limit_process"]
 
-_MAX_SECONDS: Final = 900
-_MAX_BYTES: Final = 6 << 30
-_NICENESS: Final = 10
+MAX_SECONDS: Final = 900
+MAX_BYTES: Final = 6 << 30
+NICENESS: Final = 10
 _PREVIEW_ENDING: Final = "preview1.gz"  # with the number of the format
 
 
@@ -135,9 +135,9 @@ def _wait_for(command: list[str]) -> str:
     """Run a command without input and output; return why it failed."""
     nothing = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     try:
-        subprocess.run(command, timeout=2 * _MAX_SECONDS, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
+        subprocess.run(command, timeout=2 * MAX_SECONDS, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
     except subprocess.TimeoutExpired:
-        return f"reading the file took over {2 * _MAX_SECONDS} s"
+        return f"reading the file took over {2 * MAX_SECONDS} s"
     except subprocess.CalledProcessError:
         return "the file cannot be read within the limits of time and memory"
     return ""
@@ -173,9 +173,9 @@ def limit_process() -> None:
     import resource  # noqa: PLC0415 - only on POSIX
 
     with suppress(OSError, ValueError):
-        os.nice(_NICENESS)
-        resource.setrlimit(resource.RLIMIT_CPU, (_MAX_SECONDS, _MAX_SECONDS))
-        resource.setrlimit(resource.RLIMIT_AS, (_MAX_BYTES, _MAX_BYTES))
+        os.nice(NICENESS)
+        resource.setrlimit(resource.RLIMIT_CPU, (MAX_SECONDS, MAX_SECONDS))
+        resource.setrlimit(resource.RLIMIT_AS, (MAX_BYTES, MAX_BYTES))
 
 
 if __name__ == "__main__":
