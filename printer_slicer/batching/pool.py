@@ -11,6 +11,7 @@ from multiprocessing import get_context
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Final
 
+from printer_slicer.freed_memory import keep_freed_memory
 from printer_slicer.values import Struct
 
 if TYPE_CHECKING:
@@ -111,6 +112,7 @@ def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
     )  # Ctrl-C reaches all processes, and the first one ends the others
+    keep_freed_memory()
     if os.name != "posix":
         return
     import resource  # noqa: PLC0415 - only on POSIX

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,6 +24,7 @@ from printer_slicer.cli.arrange_models import (
 from printer_slicer.cli.output import sanitize, warn
 from printer_slicer.cli.settings import collect_changes
 from printer_slicer.errors import PartError, UsageError
+from printer_slicer.freed_memory import keep_freed_memory
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Volumes
@@ -44,25 +43,14 @@ __all__ = [
     "Plate",
     "apply_projects",
     "format_model_names",
-    "keep_freed_memory",
     "load_arranged_plates",
-    "load_c_library",
     "load_plate",
     "load_plates",
     "load_repaired_plate",
-    "release_freed_memory",
-    "release_memory_between_stages",
 ]
 
 _SMALLEST_GAP = 0.01  # mm above the bed; a part that starts higher is reported
 _MOST_SHOWN = 3
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # parameters of mallopt(3)
-_MAX_THRESHOLD, _OLD_MAX_THRESHOLD = (
-    1 << 30,
-    32 << 20,
-)  # bytes; the maxima of glibc since 2.35 and before
-_MAX_KEPT = 1 << 30  # bytes
-_MAX_FREED = 24 << 20  # bytes of freed memory that are kept between two stages
 
 
 class Plate(Struct, frozen=True, eq=False):
@@ -435,70 +423,6 @@ def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str], most: 
 def format_model_names(paths: Sequence[Path]) -> str:
     """Format the file names of the models for messages: `part.stl and 2 more`."""
     return paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more"
-
-
-def keep_freed_memory(largest: int = _MAX_THRESHOLD) -> None:
-    """Make the C library keep freed memory for the next array instead of returning it to the system at once.
-
-    Slicing allocates and frees arrays of megabytes all the time. By default the C library requests each of them from
-    the system, which clears every page first; this takes a sixth of the CPU time of a large part. Only the command line
-    changes the setting, because it applies to the whole process. Only glibc has the setting.
-
-    Args:
-        largest: size of the largest array whose memory is kept, bytes.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    import ctypes
-
-    with contextlib.suppress(OSError, AttributeError):
-        mallopt = ctypes.CDLL(None).mallopt
-        if not mallopt(_MMAP_THRESHOLD, largest):
-            mallopt(_MMAP_THRESHOLD, _OLD_MAX_THRESHOLD)
-        mallopt(_TRIM_THRESHOLD, _MAX_KEPT)
-
-
-def release_freed_memory() -> None:
-    """Return freed memory to the system if it is much, as between two stages of slicing a large part.
-
-    `keep_freed_memory` keeps it, in holes that the arrays of the next stage may not fit. Only glibc has the functions.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    with contextlib.suppress(OSError, AttributeError):
-        library = load_c_library()
-        if library.mallinfo2().freed > _MAX_FREED:
-            library.malloc_trim(0)
-
-
-@cache
-def load_c_library() -> Any:
-    """Return the C library, in which `mallinfo2` has the type of its result.
-
-    Raises:
-        OSError, AttributeError: there is no library, or it has no such function.
-    """
-    import ctypes
-
-    class MemoryUse(ctypes.Structure):
-        """The result of mallinfo2(3), whose ninth number is the size of the freed blocks, in bytes."""
-
-        _fields_ = (("before", ctypes.c_size_t * 8), ("freed", ctypes.c_size_t), ("top", ctypes.c_size_t))
-
-    library = ctypes.CDLL(None)
-    library.mallinfo2.restype = MemoryUse
-    return library
-
-
-def release_memory_between_stages(report: StageReport) -> StageReport:
-    """Return a progress report that also returns freed memory to the system when a stage starts."""
-
-    def release_and_report(stage: str) -> None:
-        """Start a stage."""
-        release_freed_memory()
-        report(stage)
-
-    return release_and_report
 
 
 # Settings of 3MF projects

@@ -279,7 +279,8 @@ class Slicer:
         found = self.find(task)
         options = [*names.items(), ("copies", request.copies)]
         options += [("set", f"{key}={value}") for key, value in request.settings.items()]
-        words = ["plan", str(model), "--json", "--verbose", *(f"--{key}={value}" for key, value in options)]
+        words = ["plan", str(model), *(f"--{key}={value}" for key, value in options)]
+        words += [f"--{name}" for name in ("json", "verbose")]
         code, text, line = self._run_command(task, words)
         text = text.replace(str(model), found.name).replace(model.name, found.name)
         if code:

@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
-from printer_slicer.cli.models import load_c_library, release_freed_memory
+from printer_slicer.freed_memory import load_c_library, release_freed_memory
 
 SCRIPT = """
 import resource, sys
 import numpy as np
-from printer_slicer.cli.models import keep_freed_memory
+from printer_slicer.freed_memory import keep_freed_memory
 
 if sys.argv[1] == "keep":
     keep_freed_memory()

@@ -189,9 +189,10 @@ def _slice_plate(
     arguments: Namespace, profile: Profile, meshes: list[Mesh], plate: Plate, output: Path
 ) -> None:
     """Slice the only mesh of a list, which is removed from it; write the G-code to a file and print a summary."""
-    from printer_slicer.cli.models import apply_projects, release_memory_between_stages
+    from printer_slicer.cli.models import apply_projects
     from printer_slicer.facts.findings import list_slicing_warnings, list_unsupported_facts
     from printer_slicer.facts.slicing import collect_slicing_facts
+    from printer_slicer.freed_memory import release_memory_between_stages
     from printer_slicer.gcode_text import gcode_in_pieces
     from printer_slicer.pipeline import slice_for_output
     from printer_slicer.surface import certify_stacks
@@ -327,7 +328,7 @@ def _find_unsupported(
     arguments: Namespace, name: str, program: Program, profile: Profile
 ) -> tuple[UnsupportedExtrusion, ...]:
     """Return the unsupported extrusion of the part `name`; with --strict, reject it if it is not allowed."""
-    from printer_slicer.cli.models import keep_freed_memory, release_freed_memory
+    from printer_slicer.freed_memory import keep_freed_memory, release_freed_memory
     from printer_slicer.inspection.deposition.unsupported import unsupported_of_program
 
     release_freed_memory()
