@@ -20,6 +20,7 @@ __all__ = [
     "extract_objects",
     "find_equal_groups",
     "find_plan_groups",
+    "group_close_objects",
     "list_plans",
     "list_stack_plans",
     "make_stacks",
@@ -126,10 +127,10 @@ def find_plan_groups(part: Mesh, profile: Profile) -> list[PlanGroup]:
     own_plans = isinstance(planner, OptimalPlanner) and planner.stacks != "one"
     if not own_plans or profile.quality.spiral or not all(item.count for item in part.objects):
         return [every]
-    return _join_close_objects(part) if len(every) > 1 else [every]
+    return group_close_objects(part) if len(every) > 1 else [every]
 
 
-def _join_close_objects(part: Mesh) -> list[PlanGroup]:
+def group_close_objects(part: Mesh) -> list[PlanGroup]:
     """Return groups of objects: those of different groups are at least 1 mm apart in the top view."""
     low, high = (np.array([getattr(item, side)[:2] for item in part.objects]) for side in ("low", "high"))
     group = list(range(len(part.objects)))

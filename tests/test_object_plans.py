@@ -84,7 +84,8 @@ def test_the_file_of_both_passes_the_check_against_the_model(stages: Stages) -> 
     found = check_gcode(text, two_objects())
 
     assert (found.findings, found.problems) == ((), ())
-    assert found.coverage.stack.n_layers == stages.plan.n_layers
+    assert found.coverage.stack.n_layers == sum(plan.n_layers for plan in PLANS)
+    assert found.coverage.stack.number[-1] == stages.plan.n_layers
 
 
 def test_an_object_of_which_a_layer_is_missing_does_not_pass(stages: Stages) -> None:

@@ -21,7 +21,12 @@ from printer_slicer.drawing.canvas import (
     wrap_text,
 )
 from printer_slicer.geometry import Areas, intersection, stroke_lines
-from printer_slicer.inspection.coverage.limits import CoverageLimits, describe_usage, find_nearest_to_limit
+from printer_slicer.inspection.coverage.limits import (
+    CoverageLimits,
+    describe_usage,
+    find_measured_layer,
+    find_nearest_to_limit,
+)
 from printer_slicer.inspection.coverage.measurement import Coverage, find_overlaps
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.values import Struct
@@ -106,7 +111,12 @@ def draw_coverage(
     shapes: list[Shape] = []
     y = float(_HEAD + _LEGEND)
     rows = [
-        _Row(one.layer - 1, one.place, f"layer {one.layer}, z {one.z:.4g} mm: {one.message}") for one in shown
+        _Row(
+            find_measured_layer(coverage, one),
+            one.place,
+            f"layer {one.layer}, z {one.z:.4g} mm: {one.message}",
+        )
+        for one in shown
     ] or [_find_worst_layer(coverage, limits)]
     wide = _NARROWEST if all(row.place is None for row in rows) else 2 * _PANEL + 3 * _GAP
     for row in rows:
@@ -137,7 +147,7 @@ def _find_worst_layer(coverage: Coverage, limits: CoverageLimits) -> _Row:
     """Return a row for the layer nearest to a limit; its heading gives the measured value in percent of the limit."""
     nearest, share = find_nearest_to_limit(coverage, limits)
     heading = f"no findings; nearest to a limit: {describe_usage(nearest, share)}: {nearest.message}"
-    return _Row(nearest.layer - 1, nearest.place, heading)
+    return _Row(find_measured_layer(coverage, nearest), nearest.place, heading)
 
 
 def _make_views(coverage: Coverage, row: _Row, top: float) -> tuple[_View, _View | None]:

@@ -486,7 +486,7 @@ def _format_worst_layer(coverage: Coverage, values: Float) -> str:
     if np.isnan(values).all() or not np.nanmax(np.abs(values)) > 0:
         return ""
     layer = int(np.nanargmax(values))
-    return f"layer {layer + 1} z {coverage.stack.top[layer]:.4g}"
+    return f"layer {coverage.stack.number[layer]} z {coverage.stack.top[layer]:.4g}"
 
 
 def _format_statistic(

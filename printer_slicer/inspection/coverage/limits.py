@@ -21,6 +21,7 @@ __all__ = [
     "describe_usage",
     "excess_ratio",
     "find_line_near",
+    "find_measured_layer",
     "find_nearest_to_limit",
     "findings",
     "place_of_largest_area",
@@ -114,13 +115,16 @@ def _limit_usage(amount: Float, limit: float) -> Float:
 
 
 def _find_runs(coverage: Coverage, measure: _Measure) -> Iterator[Diagnostic]:
-    """Yield a diagnostic for each run of consecutive layers beyond the limit."""
-    exceeding = np.flatnonzero(measure.exceeds & ~coverage.stack.is_spiral_end)
+    """Yield a diagnostic for each run of consecutive layers of a group beyond the limit."""
+    stack = coverage.stack
+    by_group = stack.by_group
+    exceeding = np.flatnonzero((measure.exceeds & ~stack.is_spiral_end)[by_group])
     if not len(exceeding):
         return
-    cuts = [0, *(np.flatnonzero(np.diff(exceeding) > 1) + 1).tolist(), len(exceeding)]
+    is_new = (np.diff(exceeding) > 1) | (np.diff(stack.group[by_group][exceeding]) > 0)
+    cuts = [0, *(np.flatnonzero(is_new) + 1).tolist(), len(exceeding)]
     for begin, end in pairwise(cuts):
-        yield _make_diagnostic(coverage, measure, exceeding[begin:end])
+        yield _make_diagnostic(coverage, measure, by_group[exceeding[begin:end]])
 
 
 def _make_diagnostic(coverage: Coverage, measure: _Measure, run: Int) -> Diagnostic:
@@ -128,14 +132,15 @@ def _make_diagnostic(coverage: Coverage, measure: _Measure, run: Int) -> Diagnos
     amount = measure.amount[run]
     layer = int(run[(amount.argmin if measure.name == "underfilled" else amount.argmax)()])
     x, y = measure.locate(layer)
+    number = coverage.stack.number
     return Diagnostic(
         measure.name,
         "error",
         measure.describe(layer),
         line=find_line_near(coverage, layer, x, y),
-        layer=layer + 1,
-        first=int(run[0]) + 1,
-        last=int(run[-1]) + 1,
+        layer=int(number[layer]),
+        first=int(number[run[0]]),
+        last=int(number[run[-1]]),
         z=float(coverage.stack.top[layer]),
         place=None if np.isnan(x) else (x, y),
         amount=float(measure.amount[layer]),
@@ -241,7 +246,7 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
     """Return the length of unsupported extrusion, with its limit."""
     length, place = coverage.unsupported_length, np.full((coverage.stack.n_layers, 2), np.nan)
     for one in reversed(coverage.unsupported):
-        place[coverage.layer_at(one.z)] = one.x, one.y
+        place[coverage.layer_of_unsupported(one)] = one.x, one.y
     return _Measure(
         "unsupported",
         length,
@@ -251,6 +256,17 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
         lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
         lambda k: (float(place[k, 0]), float(place[k, 1])),
     )
+
+
+def find_measured_layer(coverage: Coverage, diagnostic: Diagnostic) -> int:
+    """Return the index of the layer of a diagnostic in the stack of its coverage.
+
+    If several groups of objects have a layer with its number, it is the layer of the extrusion in its line.
+    """
+    stack = coverage.stack
+    found = np.flatnonzero(stack.number == diagnostic.layer)
+    layers = stack.layer[stack.beads.line == diagnostic.line]
+    return int([*found[np.isin(found, layers)], *found][0])
 
 
 def place_of_largest_area(areas: Areas, layer: int) -> tuple[float, float]:

@@ -14,7 +14,14 @@ from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.values import Struct
 
-__all__ = ["Match", "find_detached_extrusions", "fit_sections", "guess_shift", "shift_areas"]
+__all__ = [
+    "Match",
+    "find_detached_extrusions",
+    "find_external_perimeters",
+    "fit_sections",
+    "guess_shift",
+    "shift_areas",
+]
 
 _N_POINTS: Final = 10_000  # enough for a shift exact to a micrometre
 _MIN_SHARE: Final = 0.05  # share of all points that must be near outlines
@@ -48,7 +55,7 @@ def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
     If the boxes of some layers have the size of their section, only these count: skirts and brims make boxes wider.
     """
     beads, layer = stack.beads, stack.layer
-    outer = _find_external_perimeters(beads) & (layer >= 0)
+    outer = find_external_perimeters(beads) & (layer >= 0)
     half = beads.width[outer, None] / 2
     corners = np.stack(
         [
@@ -79,7 +86,7 @@ def fit_sections(stack: Stack, sections: Areas, rounds: int = 6) -> Match:
     position are left out, such as inner perimeters in files without roles. With 0 rounds the shift stays 0.
     """
     beads, layer = stack.beads, stack.layer
-    chosen = np.flatnonzero(_find_external_perimeters(beads) & (layer >= 0))
+    chosen = np.flatnonzero(find_external_perimeters(beads) & (layer >= 0))
     if not len(chosen) or not sections.n_rings:
         return Match((0.0, 0.0), np.inf, 0.0)
     point, bead = sample_points(beads.take(chosen), _N_POINTS)
@@ -129,7 +136,7 @@ def find_detached_extrusions(stack: Stack, sections: Areas) -> Bool:
     return result
 
 
-def _find_external_perimeters(beads: Extrusions) -> Bool:
+def find_external_perimeters(beads: Extrusions) -> Bool:
     """Return a mask (B,) of external perimeters; of all extrusions of the part if roles are unknown."""
     outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
     return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)

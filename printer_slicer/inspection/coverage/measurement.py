@@ -112,7 +112,7 @@ class Coverage(Struct, frozen=True, eq=False):
         """Length (L,) of unsupported extrusion in each layer, mm."""
         length = np.zeros(self.stack.n_layers)
         for one in self.unsupported:
-            length[self.layer_at(one.z)] += one.length
+            length[self.layer_of_unsupported(one)] += one.length
         return length
 
     hanging = renamed_attribute("Coverage.hanging", "Coverage.unsupported_length")
@@ -120,6 +120,11 @@ class Coverage(Struct, frozen=True, eq=False):
     def layer_at(self, z: float) -> int:
         """Return the index of the lowest layer with its top at or above a height, mm."""
         return min(int(np.searchsorted(self.stack.top, z - _SAME_HEIGHT)), self.stack.n_layers - 1)
+
+    def layer_of_unsupported(self, one: UnsupportedExtrusion) -> int:
+        """Return the index of the layer of an unsupported extrusion; of several groups, that of its own group."""
+        layer = int(self.stack.layer[one.command - 1])
+        return layer if layer >= 0 and self.stack.group.any() else self.layer_at(one.z)
 
 
 def coverage_of(
@@ -140,7 +145,7 @@ def coverage_of(
         raise ValueError(f"the stack has {stack.n_layers} layers, but there are {sections.n_layers} sections")
     of_part, astray = _classify_extrusions(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
-    open_to_air = exposed_areas(sections, stack.top, stack.bottom, rules.surface_depth)
+    open_to_air = _find_exposed_areas(stack, sections, rules.surface_depth)
     # A turn of a spiral vase is only a wall, without top, bottom and infill.
     open_to_air = open_to_air.of_layers(~stack.has_rising_z)
     core = difference(offset(sections, -depth), open_to_air)
@@ -171,6 +176,18 @@ def coverage_of(
         ),
         section_volume=sections.area() * stack.height,
         by_purpose=np.bincount(split_stack.beads.purpose, volume, len(Purpose)).astype(np.float64),
+    )
+
+
+def _find_exposed_areas(stack: Stack, sections: Areas, surface_depth: float) -> Areas:
+    """Return the parts of each section near air, above or below the layers of its group."""
+    return Areas.merged(
+        [
+            exposed_areas(
+                sections.copy_layers(own), stack.top[own], stack.bottom[own], surface_depth
+            ).on_layers(own, stack.n_layers)
+            for own in stack.layers_of_groups()
+        ]
     )
 
 

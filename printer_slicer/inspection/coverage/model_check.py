@@ -10,48 +10,40 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arguments import PATH, check_arguments
-from printer_slicer.arrays import Bool
+from printer_slicer.arrays import Int
 from printer_slicer.commands import read_text, reject_binary_gcode
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.errors import PartError, UsageError
-from printer_slicer.geometry import Areas, difference, offset_open
+from printer_slicer.geometry import Areas, offset_open
 from printer_slicer.healing import repair
-from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.gcode_extrusions import GcodeExtrusions, extrusions_of_gcode
 from printer_slicer.inspection.coverage.limits import CoverageLimits, findings
-from printer_slicer.inspection.coverage.matching import (
-    Match,
-    find_detached_extrusions,
-    fit_sections,
-    guess_shift,
-    shift_areas,
-)
+from printer_slicer.inspection.coverage.matching import Match, find_detached_extrusions
 from printer_slicer.inspection.coverage.measurement import Coverage, CoverageRules, coverage_of
+from printer_slicer.inspection.coverage.model_match import (
+    MIN_MATCH_SHARE,
+    RESOLUTION,
+    MatchedPart,
+    match_part,
+)
+from printer_slicer.inspection.coverage.object_layers import join_equal_layers
 from printer_slicer.inspection.coverage.stack import Stack, stack_extrusions
-from printer_slicer.inspection.coverage.zones import footprint
-from printer_slicer.inspection.deposition.marks import NOT_PART, Purpose
+from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.placing import Placement
 from printer_slicer.progress import Report, quiet
 from printer_slicer.slicing import cut
-from printer_slicer.values import Struct, field, replace
+from printer_slicer.values import Struct, field
 
 __all__ = ["Check", "CheckOptions", "check_gcode", "place_sections", "read_gcode_extrusions"]
 
-_RESOLUTION: Final = 0.005  # mm; sections for measurements are finer than printed ones
-_CUT_OFFSET: Final = 0.002  # mm from the middle of a layer; flat surfaces here may be rounded up or down
-_MIN_DIFFERENCE: Final = 1.0  # mm² between the sections above and below a flat surface
-_NEAR_DISTANCE: Final = 3.0  # mm around the part; extrusions farther away make no layers
 _SEPARATE_SHARE: Final = 0.05  # of the external perimeters; more means that objects have layers of their own
 _ROUNDING: Final = 0.01  # mm; files round heights by up to this
 _MIN_MISSING_AREA: Final = (
     1.0  # mm², printable area of all missing layers together; a smaller tip may be missing
 )
 _MIN_NEEDLE_AREA: Final = 1.0  # mm²; slicers print tips of this area, even if narrower than a usual line
-_MIN_MATCH_SHARE: Final = (
-    0.5  # share of the external perimeter length that must fit; less means that the file prints another part
-)
 
 
 class Check(Struct, frozen=True, eq=False):
@@ -134,18 +126,19 @@ def check_gcode(
     mesh = mesh if isinstance(mesh, Mesh) else repair(load_mesh(mesh))[0]
     deposit, stack = read_gcode_extrusions(text, asked.filament_diameter, name)
     report("matching")
-    part, stack, sections, match = _match_part(mesh, deposit.beads, stack, asked.placement)
+    matched = match_part(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
+    stack, sections = matched.stack, matched.sections
     coverage = coverage_of(stack, sections, asked.rules, find_detached_extrusions(stack, sections))
     return Check(
         name,
         coverage,
-        match,
+        matched.match,
         asked.placement is None,
-        float(part.bounds[0, 2] - mesh.bounds[0, 2]),
-        part.height,
+        float(matched.bounds[0, 2] - mesh.bounds[0, 2]),
+        float(matched.bounds[1, 2]),
         findings(coverage, asked.limits),
-        tuple(_find_problems(coverage, match, part)),
+        tuple(_find_problems(coverage, matched)),
         tuple(_list_notes(deposit, coverage)),
         deposit,
     )
@@ -185,95 +178,19 @@ def place_sections(
 
     Returns:
         The layers of the part, which may be fewer than those of the file; a section for each layer; and the shift from
-        the position of the mesh.
+        the position of the mesh. Layers of different objects with the same top are one layer.
 
     Raises:
         PartError: the part cannot be cut.
     """
-    _, stack, sections, match = _match_part(mesh, deposit.beads, stack, placement)
-    return stack, sections, match
+    matched = match_part(mesh, deposit.beads, stack, placement)
+    return *join_equal_layers(matched.stack, matched.sections), matched.match
 
 
-def _match_part(
-    mesh: Mesh, beads: Extrusions, stack: Stack, placement: Placement | None
-) -> tuple[Mesh, Stack, Areas, Match]:
-    """Return the part at its position in the file, its layers, its sections, and how well they fit."""
-    part = _place_part(mesh, stack, placement)
-    pair = _cut_below_and_above_middle(part, stack)
-    match = _fit_position(stack, pair[0], is_searched=placement is None)
-    part = part.moved((*match.shift, 0.0))
-    near = _find_extrusions_near(part, beads)
-    new_stack = stack_extrusions(beads, near)
-    is_same_part = match.share >= _MIN_MATCH_SHARE  # of another part, all layers count
-    if is_same_part and near.any() and not np.array_equal(new_stack.top, stack.top):
-        # Extrusions beside the part, such as a priming line, caused extra layers.
-        stack, pair = new_stack, _cut_below_and_above_middle(part, new_stack)
-    else:
-        pair = (shift_areas(pair[0], match.shift), shift_areas(pair[1], match.shift))
-    x, y = (part.bounds[0] - mesh.bounds[0])[:2].tolist()
-    return part, stack, _choose_sections(stack, *pair), replace(match, shift=(x, y))
-
-
-def _place_part(mesh: Mesh, stack: Stack, placement: Placement | None) -> Mesh:
-    """Move the part to the requested position; by default, to the origin, on the raft or bed."""
-    low, high = mesh.bounds
-    shift = -low
-    if placement is not None and placement.as_placed:
-        shift[:2] = 0.0
-    elif placement is not None and placement.center is not None:
-        shift[:2] = np.asarray(placement.center) - (low + high)[:2] / 2
-    if placement is not None and not placement.drop:
-        shift[2] = 0.0
-    else:
-        shift[2] += stack.bottom[0]
-    return mesh.moved(shift)
-
-
-def _cut_below_and_above_middle(part: Mesh, stack: Stack) -> tuple[Areas, Areas]:
-    """Return the sections just below the middle of each layer, and the sections just above it."""
-    middle = (stack.top + stack.bottom) / 2
-    low, high = (
-        cut(part, LayerPlan(stack.top, middle + by), _RESOLUTION).solid for by in (-_CUT_OFFSET, _CUT_OFFSET)
-    )
-    return low, high
-
-
-def _fit_position(stack: Stack, sections: Areas, *, is_searched: bool) -> Match:
-    """Find the position where sections fit, or measure how well they fit at the given position."""
-    if not is_searched:
-        return replace(fit_sections(stack, sections, rounds=0), shift=(0.0, 0.0))
-    guess = guess_shift(stack, sections)
-    match = fit_sections(stack, shift_areas(sections, guess))
-    return replace(match, shift=(guess[0] + match.shift[0], guess[1] + match.shift[1]))
-
-
-def _find_extrusions_near(part: Mesh, beads: Extrusions) -> Bool:
-    """Return a mask (B,) of extrusions with a part's role that start near the bounding box of the mesh."""
-    low, high = part.bounds[:, :2]
-    near = ((beads.begin > low - _NEAR_DISTANCE) & (beads.begin < high + _NEAR_DISTANCE)).all(axis=1)
-    return np.asarray(near) & ~np.isin(beads.purpose, NOT_PART)
-
-
-def _choose_sections(stack: Stack, low: Areas, high: Areas) -> Areas:
-    """Choose for each layer the section below or above its middle that is more similar to the print.
-
-    A flat surface exactly in the middle of a layer may be printed either way.
-    """
-    is_ambiguous = difference(low, high).area() + difference(high, low).area() > _MIN_DIFFERENCE
-    if not is_ambiguous.any():
-        return low
-    chosen = is_ambiguous[stack.layer] & (stack.layer >= 0)
-    chosen &= ~np.isin(stack.beads.purpose, NOT_PART)
-    printed = footprint(stack, chosen)
-    differences = [difference(one, printed).area() + difference(printed, one).area() for one in (low, high)]
-    upper = is_ambiguous & (differences[1] < differences[0])
-    return low.of_layers(~upper).merge(high.of_layers(upper))
-
-
-def _find_problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str]:
+def _find_problems(coverage: Coverage, matched: MatchedPart) -> Iterator[str]:
     """Yield messages about problems of the whole file."""
-    stack = coverage.stack
-    if match.share < _MIN_MATCH_SHARE:
+    stack, match = coverage.stack, matched.match
+    if match.share < MIN_MATCH_SHARE:
         yield (
             f"only {match.share:.0%} of the external perimeters match this model: "
             "check model, scale and rotation"
@@ -282,23 +199,33 @@ def _find_problems(coverage: Coverage, match: Match, part: Mesh) -> Iterator[str
         lines = stack.beads.line[coverage.astray]
         many = f"{len(lines)} extrusions are" if len(lines) > 1 else "1 extrusion is"
         yield f"{many} far from the part, the first in line {lines[0]}"
-    missing_height, height = part.height - float(stack.top[-1]), float(stack.height[-1])
-    if -missing_height > height + _ROUNDING or _has_missing_top(part, coverage, missing_height):
-        where = "below" if missing_height > 0 else "above"
-        distance = f"{abs(missing_height):.3g} mm {where} the top of the part"
-        yield f"the last layer ends at z {stack.top[-1]:.3g} mm, {distance}"
+    for number, part in enumerate(matched.parts):
+        yield from _find_height_problems(coverage, part, np.flatnonzero(stack.group == number))
 
 
-def _has_missing_top(part: Mesh, coverage: Coverage, missing_height: float) -> bool:
-    """Return whether printable layers are missing above the last layer; thin tips do not count."""
+def _find_height_problems(coverage: Coverage, part: Mesh, layers: Int) -> Iterator[str]:
+    """Yield a message if a part does not end at the top of its layers, given by their indices in the stack."""
+    if not len(layers):
+        yield f"nothing of {part.name} is printed"
+        return
     stack = coverage.stack
-    height = float(stack.height[-1])
+    z, height = float(stack.top[layers[-1]]), float(stack.height[layers[-1]])
+    missing_height = part.height - z
+    if -missing_height > height + _ROUNDING or _has_missing_top(part, coverage, z, height):
+        where = "below" if missing_height > 0 else "above"
+        of_what = f"of {part.name}" if stack.group.any() else "of the part"
+        yield (f"the last layer ends at z {z:.3g} mm, {abs(missing_height):.3g} mm {where} the top {of_what}")
+
+
+def _has_missing_top(part: Mesh, coverage: Coverage, z: float, height: float) -> bool:
+    """Return whether printable layers are missing above the last layer, at z; thin tips do not count."""
+    missing_height = part.height - z
     if missing_height <= height / 2 + _ROUNDING:
         return False
     count = max(int(missing_height / height + 0.5), 1)
-    top = float(stack.top[-1]) + height * np.arange(1.0, count + 1, dtype=np.float64)
+    top = z + height * np.arange(1.0, count + 1, dtype=np.float64)
     try:
-        above = cut(part, LayerPlan(top, top - height / 2), _RESOLUTION).solid
+        above = cut(part, LayerPlan(top, top - height / 2), RESOLUTION).solid
     except PartError:  # the missing top is too thin to have a section
         return False
     width = coverage.stack.beads.take(np.flatnonzero(coverage.of_part)).usual_width
@@ -327,7 +254,9 @@ def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
         yield f"the file does not name roles: {depth}"
     if stack.is_spiral:
         yield "spiral vase: every turn counts as a layer; the first and the last are not checked"
-    if _has_separate_layers(deposit, coverage):
+    if stack.group.any():
+        yield f"objects have layers of their own: {stack.n_layers} at {stack.number[-1]} heights"
+    elif _has_separate_layers(deposit, coverage):
         yield (
             "objects or features have layers of their own, but are compared on common layers: position, outline and "
             "shell are not reliable. Slice with planner.stacks = one to check the model"

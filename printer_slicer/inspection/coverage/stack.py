@@ -36,6 +36,8 @@ _MAX_RAFT_GAP: Final = 0.3  # mm, largest gap that slicers leave between raft an
 _MAX_FLAT_RISE: Final = 1e-4  # mm, change of z along a flat extrusion
 _MIN_FLAT_LENGTH: Final = 5.0  # mm; shorter flat runs in a spiral come from rounding
 _DEFAULT_HEIGHT: Final = 0.2  # mm; assumed height of extrusions without a layer
+_ONE_GROUP: Final = frozen_array([], np.int64, (0,))  # of all layers
+_GROUP_HEIGHT: Final = 1e4  # mm; no part is higher
 _WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
 _MAY_BE_THICK: Final = (
     Purpose.UNKNOWN,
@@ -53,20 +55,26 @@ class Stack(Struct, frozen=True, eq=False):
     Attributes:
         beads: the extrusions, with their heights.
         layer: (B,) layer of each; -1 for extrusions beside the part and for supports between its layers.
-        top: (L,) mm, ascending.
-        bottom: (L,) mm, top of the material below each layer.
+        top: (L,) mm, ascending; layers of different groups may have the same top.
+        bottom: (L,) mm, top of the material of the same group below each layer.
+        group: (L,) number of the group of objects that has each layer; 0 if all objects have the same layers. Nothing
+            given means this.
     """
 
     beads: Extrusions
     layer: Int
     top: Float
     bottom: Float
+    group: Int = _ONE_GROUP
 
     def __post_init__(self) -> None:
+        if not len(self.group):
+            force_setattr(self, "group", np.zeros(len(self.top), np.int64))
         for name, dtype, shape in (
             ("layer", np.int64, (self.beads.n_beads,)),
             ("top", np.float64, (-1,)),
             ("bottom", np.float64, (len(self.top),)),
+            ("group", np.int64, (len(self.top),)),
         ):
             force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -74,6 +82,20 @@ class Stack(Struct, frozen=True, eq=False):
     def n_layers(self) -> int:
         """Number of layers."""
         return len(self.top)
+
+    @property
+    def number(self) -> Int:
+        """Number (L,) of each layer in the file, from 1; layers of different groups with the same top share it."""
+        return np.asarray(np.cumsum(np.diff(self.top, prepend=-1.0) > _SAME_HEIGHT))
+
+    @property
+    def by_group(self) -> Int:
+        """Layer indices (L,): the layers of the first group in ascending order, then those of the next group."""
+        return np.asarray(np.argsort(self.group, kind="stable"))
+
+    def layers_of_groups(self) -> list[Int]:
+        """Return the layer indices of each group, ascending."""
+        return [np.flatnonzero(self.group == one) for one in np.unique(self.group)]
 
     @property
     def height(self) -> Float:
@@ -118,10 +140,11 @@ def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
     deep &= np.isin(beads.purpose, _FILL_SEVERAL_LAYERS) | is_separate
     if not deep.any():
         return stack, np.arange(beads.n_beads)
-    lowest = np.searchsorted(stack.bottom, stack.top[own] - beads.height - _SAME_HEIGHT)
-    first = np.where(deep, np.minimum(lowest, own), stack.layer)
-    count = stack.layer - first + 1
-    source, layer = np.repeat(np.arange(beads.n_beads), count), consecutive(first, count)
+    place, first = _find_lowest_filled(stack, own, beads.height)
+    first = np.where(deep, first, place)
+    count = place - first + 1
+    source, layer = np.repeat(np.arange(beads.n_beads), count), stack.by_group[consecutive(first, count)]
+    layer = np.where(stack.layer[source] < 0, -1, layer)
     order = np.argsort(layer, kind="stable")
     source, layer = source[order], layer[order]
     is_split, parts = deep[source], beads.take(source)
@@ -132,7 +155,17 @@ def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
         height=height,
         area=np.where(is_split, parts.area * height / parts.height, parts.area),
     )
-    return Stack(parts, layer, stack.top, stack.bottom), source
+    return Stack(parts, layer, stack.top, stack.bottom, stack.group), source
+
+
+def _find_lowest_filled(stack: Stack, layer: Int, height: Float) -> tuple[Int, Int]:
+    """Return the place (B,) of layers in the order `by_group`, and that of the lowest layer within a height, mm."""
+    by_group = stack.by_group
+    place = np.argsort(by_group)[layer]
+    above = _GROUP_HEIGHT * stack.group
+    low = stack.top[layer] - height - _SAME_HEIGHT
+    lowest = np.searchsorted((above + stack.bottom)[by_group], above[layer] + low)
+    return place, np.minimum(lowest, place)
 
 
 def stack_of_program(program: Program, filament_diameter: float) -> Stack:
