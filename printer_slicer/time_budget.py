@@ -15,6 +15,7 @@ from printer_slicer.object_plans import (
     extract_objects,
     find_equal_groups,
     find_plan_groups,
+    list_plans,
     list_stack_plans,
     make_stacks,
 )
@@ -31,6 +32,7 @@ _MAX_SECONDS: Final = 1e8  # s
 _MAX_PLANS: Final = 6  # maximum number of plans to try
 _ENOUGH_RATIO: Final = 0.98  # fraction of the budget that is sufficient
 _PRICE_EXPONENT: Final = 12.0  # typical change of log(error price) per log(print time)
+_MAX_COST_RATIO: Final = 0.995  # of separate plans to a single one; the estimate is not exact
 _MAX_PRICE_RATIO: Final = 16.0  # between two trials without an upper and a lower bound
 
 
@@ -103,17 +105,21 @@ def _find_plan_within_budget(
 
 _PlanFunction = Callable[[Mapping[str, float | str]], tuple[ObjectStack, ...]]
 """Plans all objects with changed settings."""
+_TimeFunction = Callable[[Sequence[ObjectStack]], float]
+"""Estimates the print time of plans, s."""
 
 
 def choose_stacks(
     part: Mesh, profile: Profile, strategies: Strategies, slice_planned: _SliceFunction
 ) -> tuple[ObjectStack, ...]:
-    """Plan the layers of all objects, separately with `quality.planner.stacks = objects`.
+    """Plan the layers of all objects, separately with `quality.planner.stacks = objects` if this costs less.
 
     All objects have the same price of the volume error, so that no exchange of time between them would reduce the total
     error. Arguments and errors are those of `choose_plan`.
     """
-    plan_groups = None if strategies.planner else _prepare_separate_plans(part, profile)
+    plan_groups, model_seconds = (
+        (None, None) if strategies.planner else _prepare_separate_plans(part, profile)
+    )
     if plan_groups is None:
         return make_stacks(part, choose_plan(part, profile, strategies, slice_planned))
 
@@ -127,8 +133,8 @@ def choose_stacks(
     price, dials = compute_error_price(part, profile), profile.dials
     if not dials.time_budget or dials.max_layers:
         stacks = plan_groups({"quality.planner.error_price": price})
-        if stacks[0].whole_plan and dials.objective == "balanced":
-            return _choose_cheaper(stacks, part, profile, price, estimate_seconds)
+        if len(stacks) > 1 and dials.objective == "balanced" and not dials.max_layers:
+            return _choose_cheaper(stacks, part, profile, price, model_seconds or estimate_seconds)
         return stacks
     return _find_stacks_within_budget(dials.time_budget, price, plan_groups, estimate_seconds)
 
@@ -138,46 +144,47 @@ def _choose_cheaper(
     part: Mesh,
     profile: Profile,
     price: float,
-    estimate_seconds: Callable[[Sequence[ObjectStack]], float],
+    estimate_seconds: _TimeFunction,
 ) -> tuple[ObjectStack, ...]:
-    """Return the stacks of features, or a single one if it costs less by the time of the moves.
+    """Return the stacks of objects or features, or a single one if it costs less.
 
-    The planner knows neither all travels between features nor how well the layers of features cool together.
+    The planner knows neither all travels between objects or features nor how well their layers cool together.
     """
     single = make_stacks(part, plan_layers(part, profile))
     costs = [estimate_seconds(one) + price * certify_stacks(one).volume_error for one in (stacks, single)]
-    return stacks if costs[0] < costs[1] else single
+    return stacks if costs[0] < _MAX_COST_RATIO * costs[1] else single
 
 
-def _prepare_separate_plans(part: Mesh, profile: Profile) -> _PlanFunction | None:
-    """Return a function that plans objects or features separately; None if there is one plan."""
+def _prepare_separate_plans(
+    part: Mesh, profile: Profile
+) -> tuple[_PlanFunction | None, _TimeFunction | None]:
+    """Return a function that plans objects or features separately; None if there is one plan.
+
+    Also return one that estimates print times with a model; None if only slicing tells them.
+    """
     groups = find_plan_groups(part, profile)
     first = find_equal_groups(part, groups) if len(groups) > 1 else []
     if any(first):
         return _prepare_plans(part, groups, first, profile)
     planner = profile.quality.planner
     if len(part.objects) > 1 or not isinstance(planner, OptimalPlanner) or planner.stacks != "features":
-        return None
+        return None, None
     from printer_slicer.feature_stacks import prepare_feature_plans  # noqa: PLC0415 - off by default
 
-    return prepare_feature_plans(part, profile)
+    return prepare_feature_plans(part, profile), None
 
 
 def _prepare_plans(
     part: Mesh, groups: Sequence[PlanGroup], first: Sequence[int], profile: Profile
-) -> _PlanFunction:
-    """Return a function that plans each group of objects; `first` has the index of the first group of equal shape."""
-    from printer_slicer.planning.shared_layer_times import compute_time_shares  # noqa: PLC0415 - few plates need it
+) -> tuple[_PlanFunction, _TimeFunction]:
+    """Return functions that plan groups of objects and estimate print times.
 
+    `first` has the index of the first group of equal shape for each group.
+    """
     unlike = sorted(set(first))
     meshes = {groups[k]: extract_objects(part, [part.objects[index] for index in groups[k]]) for k in unlike}
-    shares = compute_time_shares(list(meshes.values()), [first.count(k) for k in unlike], profile)
-    least = {
-        group: profile.material.min_layer_time * share
-        for group, share in zip(meshes, shares.tolist(), strict=True)
-    }
-    if profile.quality.print_order == "by_object":  # nothing else is printed while a layer cools
-        least = dict.fromkeys(meshes, profile.material.min_layer_time)
+    least = _divide_min_layer_time(meshes, [first.count(k) for k in unlike], profile)
+    owners = [groups[k] for k in first]
 
     def plan_groups(changes: Mapping[str, float | str]) -> tuple[ObjectStack, ...]:
         """Plan each group of objects with changed settings."""
@@ -186,17 +193,53 @@ def _prepare_plans(
             group: plan_layers(mesh, profile_with(own, {"material.min_layer_time": least[group]}))
             for group, mesh in meshes.items()
         }
-        owner = {index: groups[first[k]] for k, group in enumerate(groups) for index in group}
+        owner = {index: owners[k] for k, group in enumerate(groups) for index in group}
         return make_stacks(part, [plans[owner[index]] for index in sorted(owner)], meshes)
 
-    return plan_groups
+    def model_seconds(stacks: Sequence[ObjectStack]) -> float:
+        """Estimate the print time of all groups, s."""
+        from printer_slicer.object_plan_costs import (  # noqa: PLC0415 - few plates need it
+            GroupLayers,
+            estimate_plate_seconds,
+        )
+
+        plans = list_plans(part, list_stack_plans(stacks))
+        places = [_find_middle(part, group) for group in groups]
+        layers = [
+            GroupLayers(meshes[owner], plans[group[0]], place, least[owner])
+            for owner, group, place in zip(owners, groups, places, strict=True)
+        ]
+        return estimate_plate_seconds(layers, profile)
+
+    return plan_groups, model_seconds
+
+
+def _find_middle(part: Mesh, group: PlanGroup) -> tuple[float, float]:
+    """Return the middle of the bounding box of a group of objects, mm."""
+    low = np.min([part.objects[index].low for index in group], axis=0)
+    high = np.max([part.objects[index].high for index in group], axis=0)
+    x, y, _ = ((low + high) / 2).tolist()
+    return x, y
+
+
+def _divide_min_layer_time(
+    meshes: Mapping[PlanGroup, Mesh], counts: Sequence[int], profile: Profile
+) -> dict[PlanGroup, float]:
+    """Return the part of the minimum layer time that each group of objects needs, s."""
+    from printer_slicer.planning.shared_layer_times import compute_time_shares  # noqa: PLC0415 - few plates need it
+
+    least = profile.material.min_layer_time
+    if profile.quality.print_order == "by_object":  # nothing else is printed while a layer cools
+        return dict.fromkeys(meshes, least)
+    shares = compute_time_shares(list(meshes.values()), counts, profile)
+    return {group: least * share for group, share in zip(meshes, shares.tolist(), strict=True)}
 
 
 def _find_stacks_within_budget(
     budget: float,
     price: float,
     plan_groups: _PlanFunction,
-    estimate_seconds: Callable[[Sequence[ObjectStack]], float],
+    estimate_seconds: _TimeFunction,
 ) -> tuple[ObjectStack, ...]:
     """Return the most accurate plans within the budget, s, or the fastest, from plans with different error prices."""
     no_budget: dict[str, float | str] = {"quality.planner.time_budget": 0}
