@@ -248,7 +248,7 @@ def _find_owners(
         return None
     from printer_slicer.support_owners import find_support_owners  # noqa: PLC0415 - most parts need no labels
 
-    carried = [one.overhangs for one in found if has_supports(one.profile)]
+    carried = [one.overhangs for one in found if has_supports(one.profile) and one.overhangs.area.n_rings]
     return find_support_owners(supports, Overhangs.joined(carried), part)
 
 

@@ -199,3 +199,14 @@ def test_plan_and_slice_report_each_object(tmp_path: Path) -> None:
     assert facts["max_error_mm"] == max(one["max_error_mm"] for one in facts["stacks"])
     assert "\n    cone " in table
     assert "\n  box: " in table
+
+
+def test_supports_have_owners_if_another_object_has_no_overhangs() -> None:
+    top = box((16.0, 16.0, 1.0), (-4.0, -4.0, 4.0))
+    table = Mesh(np.concatenate([box((8.0, 8.0, 4.5)).triangles, top.triangles]), "table")
+    other = Mesh(SHAPES["cone"].moved((30.0, 0.0, -float(SHAPES["cone"].bounds[0, 2]))).triangles, "cone")
+    plans = [LayerPlan.from_tops(np.round(np.arange(1, n + 1) * h, 6)) for n, h in ((25, 0.2), (20, 0.3))]
+    stages = slice_stages(ps.join([table, other]), optimal(support="columns"), plan=plans)
+
+    assert stages.supports is not None
+    assert stages.supports.area.n_rings > 0
