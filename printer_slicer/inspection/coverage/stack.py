@@ -322,6 +322,7 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
         agrees |= by_comment & np.isin(layer, layer[external])
         height[wide | agrees] = reach[wide | agrees]
         wide &= ~agrees & (width > _WIDE_RATIO * usual)
+    height = _fill_many_layers(beads, layer, (top, bottom), height, usual)
     # Extrusions across a gap are as thick as the strand that leaves the nozzle.
     thread = (beads.purpose == Purpose.BRIDGE) & (comment_height > layer_height + _HEIGHT_TOLERANCE)
     height = np.where(
@@ -329,3 +330,22 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
     )
     beside = (layer < 0) & ~np.isnan(comment_height)
     return np.maximum(np.where(beside, comment_height, height), _MIN_HEIGHT)
+
+
+def _fill_many_layers(
+    beads: Extrusions, layer: Int, layers: tuple[Float, Float], height: Float, usual: float
+) -> Float:
+    """Return heights (B,), mm, in which extrusions that fill at least `_MAX_DEPTH` layers have those in comments.
+
+    Only objects with layers of their own have these, so an external perimeter in the layer must be as high, and about
+    as wide as usual, mm. `layers` are the tops and bottoms (L,) of the layers, mm.
+    """
+    top, bottom = layers
+    place, comment_height = np.maximum(layer, 0), beads.height
+    lowest = np.searchsorted(bottom, top[place] - comment_height - _HEIGHT_TOLERANCE)
+    deep = (layer - lowest >= _MAX_DEPTH) & ~np.isnan(comment_height)
+    reach = top[place] - bottom[np.minimum(lowest, len(bottom) - 1)]
+    deep &= np.abs(reach - comment_height) < _HEIGHT_TOLERANCE
+    external = np.flatnonzero(deep & (beads.purpose == Purpose.EXTERNAL_PERIMETER))
+    is_usual = bead.width_for_section(beads.area[external], reach[external]) * _WIDE_RATIO > usual
+    return np.where(deep & np.isin(layer, layer[external[is_usual]]), reach, height)

@@ -75,6 +75,21 @@ def test_inner_perimeters_that_fill_two_layers_are_known_by_their_comments(loops
     assert stack.beads.height[~deep] == pytest.approx(np.full(8, 0.2))
 
 
+@pytest.mark.parametrize("layers", [3, 7, 8, 20])
+def test_an_object_among_many_thin_layers_of_another_one_keeps_its_height(layers: int) -> None:
+    thick = round(0.02 * layers, 6)
+    rows = ["G0 X0", ";TYPE:External perimeter", ";HEIGHT:0.2", *loop(0.2)]
+    for k in range(1, layers + 1):
+        z = round(0.2 + 0.02 * k, 6)
+        rows += [";HEIGHT:0.02", *path([(30, 0), (50, 0), (50, 20)], z, 0.02)]
+    rows += [f";HEIGHT:{thick}", *loop(0.2 + thick, thick)]
+    stack = read(*rows)
+
+    assert stack.n_layers == layers + 1
+    assert stack.beads.height[-4:] == pytest.approx(np.full(4, thick))
+    assert stack.beads.width[-4:] == pytest.approx(np.full(4, WIDTH), abs=1e-4)
+
+
 def test_beads_that_fill_several_layers_are_cut_into_what_they_hold_of_each() -> None:
     outer, inner = [";TYPE:External perimeter", ";HEIGHT:0.2"], [";TYPE:Perimeter", ";HEIGHT:0.4"]
     stack = read(
