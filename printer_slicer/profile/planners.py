@@ -175,9 +175,9 @@ class OptimalPlanner(
         Literal["one", "objects", "features"],
         make_meta(
             "layer plans of a plate with several objects: one: the same plan for all objects; objects: a plan for each "
-            "object; features: also for parts of a single object that stand apart, such as towers"
+            "object if this costs less; features: also for parts of a single object that stand apart, such as towers"
         ),
-    ] = "one"
+    ] = "objects"
 
 
 Planner = UniformPlanner | AreaPlanner | CuspPlanner | StepwisePlanner | GeneticPlanner | OptimalPlanner
