@@ -16,8 +16,7 @@ from tests.parts import box, plain
 from tests.test_stacks import optimal, plate
 
 PART = box((15.0, 15.0, 6.0))
-EVEN = LayerPlan.from_tops(np.arange(1, 31) * 0.2)
-THICK = LayerPlan.from_tops(np.arange(1, 21) * 0.3)
+EVEN = LayerPlan.from_tops(np.arange(1, 31, dtype=np.float64) * 0.2)
 
 
 def group(plan: LayerPlan, place: tuple[float, float] = (0.0, 0.0), mesh: Mesh = PART) -> GroupLayers:
@@ -54,7 +53,10 @@ def test_equal_groups_take_equal_time_and_travels_between_them() -> None:
 
 
 def test_layers_at_different_heights_cost_more_travels() -> None:
-    profile, shifted = plain(), LayerPlan.from_tops(np.append(np.arange(1, 30) * 0.2 + 0.1, 6.0))
+    profile, shifted = (
+        plain(),
+        LayerPlan.from_tops(np.append(np.arange(1, 30, dtype=np.float64) * 0.2 + 0.1, 6.0)),
+    )
     same, apart = (
         estimate_plate_seconds([group(EVEN), group(other, (40.0, 0.0))], profile) for other in (EVEN, shifted)
     )
@@ -65,7 +67,7 @@ def test_layers_at_different_heights_cost_more_travels() -> None:
 def test_layers_above_the_top_of_a_group_are_not_counted() -> None:
     profile = plain()
     low = box((15.0, 15.0, 3.0))
-    half = LayerPlan.from_tops(np.arange(1, 16) * 0.2)
+    half = LayerPlan.from_tops(np.arange(1, 16, dtype=np.float64) * 0.2)
 
     assert estimate_plate_seconds([group(EVEN, mesh=low)], profile) == pytest.approx(
         estimate_plate_seconds([group(half, mesh=low)], profile)
