@@ -31,6 +31,7 @@ __all__ = [
     "WireDialect",
     "get_flavour",
     "get_wire_dialect",
+    "match_flavour",
     "match_wire_dialect",
 ]
 
@@ -65,6 +66,17 @@ WIRE_DIALECTS: Final[Mapping[str, WireDialect]] = {
 def match_wire_dialect(m115_name: str) -> str:
     """Return the name of the wire dialect whose pattern matches the firmware name in a reply to M115."""
     return next(name for name, dialect in WIRE_DIALECTS.items() if re.search(dialect.m115_pattern, m115_name))
+
+
+def match_flavour(m115_name: str) -> str:
+    """Return the G-code flavour of the firmware with this name in a reply to M115; `marlin` if it is not known.
+
+    Prusa's Buddy firmware has the wire dialect of Marlin and the G-code of Prusa's other firmware.
+    """
+    if "Prusa-Firmware" in m115_name:
+        return "prusa"
+    dialect = match_wire_dialect(m115_name)
+    return next(flavour for flavour, firmware in FIRMWARES.items() if dialect in firmware.wire)
 
 
 def get_wire_dialect(name: str) -> WireDialect:

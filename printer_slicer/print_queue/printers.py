@@ -35,8 +35,10 @@ SERVER_KINDS: Final = ("octoprint", "moonraker", "prusalink", "duet")
 
 _NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _WEBCAM: Final = re.compile(r"https?://[A-Za-z0-9.-]+(:\d{1,5})?(/[!-~]*)?")
+_SERVER_ADDRESS: Final = re.compile(r"https?://[^\s/]+(/\S*)?")
 _SERVER_EXAMPLE: Final = '"octoprint:http://octopi.local"'
-_EXAMPLE: Final = '[left]\\nport = "/dev/ttyUSB0"\\nprofile = "prusa_mk4"'
+_EXAMPLE: Final = 'a table [left] with port = "/dev/ttyUSB0" and profile = "prusa_mk4"'
+_ADD: Final = "Add one: printer-slicer queue add-printer left /dev/ttyUSB0 prusa_mk4"
 
 
 class PrinterEntry(Struct, frozen=True, kw_only=True):
@@ -121,7 +123,7 @@ def read_printers(path: Path) -> tuple[PrinterEntry, ...]:
     except FileNotFoundError:
         raise UsageError(
             f"{path}: there is no such file, so the queue has no printers",
-            remedy=f"Create it, one table per printer: printf '{_EXAMPLE}\\n' > {path}",
+            remedy=_ADD,
         ) from None
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be read: {error}", remedy="Check the file") from None
@@ -140,7 +142,7 @@ def parse_printers(tables: Mapping[str, Any]) -> tuple[PrinterEntry, ...]:
         UsageError: an entry is invalid, or there is none.
     """
     if not tables:
-        raise UsageError("there are no printers", remedy=f"Add a table per printer: {_EXAMPLE}")
+        raise UsageError("there are no printers", remedy=_ADD)
     entries = tuple(_parse_entry(name, table) for name, table in tables.items())
     names = {entry.name for entry in entries}
     ports: dict[str, str] = {}
@@ -186,6 +188,11 @@ def _parse_entry(name: str, table: object) -> PrinterEntry:
             remedy='Set it to an address such as "http://octopi.local/webcam/?action=stream"',
         )
     entry = PrinterEntry(name=name, **values)
+    if entry.server is not None and not _SERVER_ADDRESS.fullmatch(entry.server[1]):
+        raise UsageError(
+            f"{name}: {entry.port} is not the address of a print server",
+            remedy=f"Write it as in port = {_SERVER_EXAMPLE}",
+        )
     if entry.server is None and (given := [key for key in ("key_file", "user") if key in values]):
         raise UsageError(
             f"{name}: {given[0]} is for print servers only",

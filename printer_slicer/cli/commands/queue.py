@@ -14,7 +14,7 @@ from printer_slicer.cli.arguments import (
     parse_positive_integer,
 )
 from printer_slicer.cli.connection_options import read_server_key
-from printer_slicer.cli.help import format_actions
+from printer_slicer.cli.help import format_actions, mark_advanced
 from printer_slicer.cli.output import print_result, print_text
 from printer_slicer.errors import UsageError
 from printer_slicer.input_files import read_pieces
@@ -43,6 +43,7 @@ _ACTIONS: Final = {
     "clear-bed": "PRINTER...: you have taken the part off the bed",
     "occupy-bed": "PRINTER...: something lies on the bed",
     "load": "PRINTER MATERIAL: this material is loaded",
+    "add-printer": "NAME PORT PROFILE: add a printer to printers.toml",
     "run": "start jobs on printers with a clear bed, until Ctrl-C",
 }
 _BEDS: Final = {"clear": "bed clear", "occupied": "bed occupied", "unknown": "bed may be occupied"}
@@ -67,13 +68,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--printer", metavar="NAME", default="", help="for add: a printer or a group of printers"
     )
     parser.add_argument(
-        "--material", metavar="NAME", default="", help="for add: default: the material in the file"
+        "--material",
+        metavar="NAME",
+        default="",
+        help="for add and add-printer: default: that in the file, or pla",
     )
     parser.add_argument(
         "--copies", metavar="N", type=parse_positive_integer, default=1, help="for add: number of jobs"
     )
     parser.add_argument("--held", action="store_true", help="for add: hold the jobs until they are released")
     parser.add_argument("--first", action="store_true", help="for add: place the jobs before all others")
+    mark_advanced(
+        parser.add_argument(
+            "--no-check", action="store_true", help="for add-printer: do not compare firmware and profile"
+        )
+    )
     parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
     parser.add_argument(
         "--server", metavar="URL", default="", help="the queue of printer-slicer serve at this address"
@@ -108,10 +117,10 @@ def _open_queue(arguments: argparse.Namespace) -> Any:
         if arguments.key_file is not None:
             raise UsageError("--key-file is for --server", remedy="Add --server URL, or remove --key-file")
         return open_queue(printers_file=arguments.printers_file)
-    if arguments.what == "run" or arguments.printers_file is not None:
+    if arguments.what in {"run", "add-printer"} or arguments.printers_file is not None:
         raise UsageError(
             "the server starts the jobs and has its own printers",
-            remedy="Remove --server, or the action run and --printers-file",
+            remedy="Remove --server, or the action run or add-printer and --printers-file",
         )
     from printer_slicer.server.queue_client import QueueClient
 
@@ -126,6 +135,7 @@ def _check_names(arguments: argparse.Namespace) -> None:
     """
     what, count = arguments.what, len(arguments.names)
     needed = {"list": (0, 0), "run": (0, 0), "explain": (1, 1), "load": (2, 2), "move": (2, 3)}
+    needed["add-printer"] = (3, 3)
     least, most = needed.get(what, (1, count))
     if not least <= count <= most:
         words = _ACTIONS[what].partition(":")[0] if least else ""
@@ -315,6 +325,20 @@ def _load(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     )
 
 
+def _add_printer(arguments: argparse.Namespace, _: PrintQueue) -> int:
+    """Add a printer to printers.toml."""
+    from printer_slicer.print_queue.printer_setup import add_printer
+    from printer_slicer.print_queue.printers import PrinterEntry, find_printers_file
+
+    name, port, profile = arguments.names
+    path = arguments.printers_file or find_printers_file()
+    entry = PrinterEntry(name=name, port=port, profile=profile, material=arguments.material or "pla")
+    firmware = add_printer(path, entry, check=not arguments.no_check)
+    known = f", whose firmware is {firmware}" if firmware else ""
+    facts = {"printer": name, "firmware": firmware, "file": str(path)}
+    return print_result(arguments, facts, f"{name}: added to {path}{known}")
+
+
 # The whole queue.
 
 
@@ -377,5 +401,6 @@ _ACTION_FUNCTIONS: Final[Mapping[str, Callable[[argparse.Namespace, PrintQueue],
     "clear-bed": _set_beds("clear"),
     "occupy-bed": _set_beds("occupied"),
     "load": _load,
+    "add-printer": _add_printer,
     "run": _run,
 }
