@@ -22,12 +22,15 @@ from printer_slicer.print_queue.database import QueueDatabase
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.values import Struct
 
-__all__ = ["SCOPES", "SLICER_SCOPES", "Access", "AccessStore", "ApiKey", "Permission"]
+__all__ = ["ANY_PRINTER", "SCOPES", "SLICER_SCOPES", "Access", "AccessStore", "ApiKey", "Permission"]
 
 Permission = Literal["read", "upload", "print", "control", "admin"]
 SCOPES: Final[frozenset[Permission]] = frozenset(get_args(Permission))
 SLICER_SCOPES: Final[frozenset[Permission]] = frozenset({"read", "upload", "print"})
 """What a key for a slicer may do."""
+
+ANY_PRINTER: Final = "*"
+"""Stands for any printer, and is no name of one: a key for one printer may not change what all printers share."""
 
 _SESSION_SECONDS: Final = 14 * 86400.0
 _LINK_SECONDS: Final = 600.0

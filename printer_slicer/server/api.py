@@ -14,7 +14,7 @@ from printer_slicer.print_queue import (
     explain_job,
 )
 from printer_slicer.print_queue.records import WAITING_STATES
-from printer_slicer.server.access import ApiKey
+from printer_slicer.server.access import ANY_PRINTER, ApiKey
 from printer_slicer.server.bodies import (
     Account,
     BedBody,
@@ -87,9 +87,8 @@ def _get_file(call: CheckedRequest) -> tuple[QueuedFile, FileFacts]:
 
 
 def _delete_file(call: CheckedRequest) -> None:
-    call.access.require("print", _ANY_PRINTER)
-    call.services.queue.delete_file(call.path["file"])
-    call.services.reader.delete_pages(call.path["file"])
+    call.access.require("print", ANY_PRINTER)
+    call.services.delete_file(call.path["file"])
 
 
 def _list_layers(call: CheckedRequest) -> PreviewLayers:
@@ -129,7 +128,7 @@ def _explain_job(call: CheckedRequest) -> Explanation:
 def _find_own_job(call: CheckedRequest) -> QueuedJob:
     """Return the job in the path, which the sender may change."""
     job = call.services.queue.find_job(call.path["job"])
-    call.access.require("print", job.printer or _ANY_PRINTER)
+    call.access.require("print", job.printer or ANY_PRINTER)
     return job
 
 
@@ -193,7 +192,6 @@ def _command_print(call: CheckedRequest) -> dict[str, Any]:
     return call.services.send_command(printer, call.body.command)
 
 
-_ANY_PRINTER: Final = "*"  # no name of a printer: a key for one printer does not change jobs for any
 _JOB: Final = "/v1/jobs/{job:job_number}"
 _PRINTER: Final = "/v1/printers/{printer}"
 

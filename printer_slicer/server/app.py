@@ -199,7 +199,7 @@ def _store_model(services: Services, form: FormReader, command: SliceCommand) ->
         rmtree(folder, ignore_errors=True)
         if isinstance(error, ValueError):
             raise ProblemError(
-                400, f"a field of the form is not valid: {error}", "See docs/server.md"
+                400, f"a field of the form is not valid: {error}", "See /v1/openapi.json"
             ) from None
         raise
 

@@ -7,32 +7,37 @@ declared clear; otherwise it waits, and the queue tells why.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from typing import Any, Final
-from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import BaseRoute, Route
 
-from printer_slicer.print_queue import PrintQueue, QueuedFile
-from printer_slicer.server.json_values import decode_json
+from printer_slicer.server.octoprint_files import (
+    delete_file,
+    get_file,
+    list_files,
+    make_command,
+    start_file,
+    upload,
+)
 from printer_slicer.server.operations import find_access
 from printer_slicer.server.problems import ProblemError
-from printer_slicer.server.receiving import read_body, run_slow_work
-from printer_slicer.server.targets import QUEUED, Target, find_target, queue_job, receive_file
+from printer_slicer.server.targets import Target, find_target
 from printer_slicer.version import VERSION
 
 __all__ = ["OCTOPRINT_ROUTES"]
 
 _VERSION: Final = "1.11.0"  # of the interface that is imitated
+_MOST_COMMANDS: Final = 50  # of one request
 _COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
 
 
 async def _get_version(request: Request) -> Response:
-    """Answer with the version of the interface."""
-    await run_in_threadpool(find_access, request)
+    """Answer with the version of the interface; a slicer that tests the address learns whether its printer exists."""
+    named = "printer" in request.path_params
+    await run_in_threadpool(find_target if named else find_access, request)
     text = f"OctoPrint {_VERSION} (printer-slicer {VERSION})"
     return JSONResponse({"api": "0.1", "server": _VERSION, "text": text})
 
@@ -198,68 +203,23 @@ def _change_print(request: Request, body: dict[str, Any]) -> None:
     target.services.send_command(target.printer.name, _COMMANDS[command])
 
 
-def _make_command(run: Callable[[Request, dict[str, Any]], None]) -> Callable[[Request], Awaitable[Response]]:
-    """Return the route of a command, which a function carries out in a thread."""
-
-    async def answer(request: Request) -> Response:
-        """Carry out the command in the body."""
-        try:
-            body = decode_json(await read_body(request), dict[str, Any])
-        except ValueError:
-            raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON') from None
-        await run_slow_work(request, run, request, body)
-        return Response(status_code=204)
-
-    return answer
-
-
-async def _upload(request: Request) -> Response:
-    """Store a file, and queue a job for it if the form says `print=true`."""
-    target = await run_in_threadpool(find_target, request)
-    file, wants_print = await receive_file(request, target)
-    return _answer_upload(request, file, wants_print=wants_print)
-
-
-def _answer_upload(request: Request, file: QueuedFile, *, wants_print: bool) -> Response:
-    """Return OctoPrint's answer to an upload; the job waits in the queue, so nothing is printed yet."""
-    prefix = request.url.path.rsplit("/api/", 1)[0]
-    path = f"{prefix}/api/files/local/{quote(file.name)}"
-    address = str(request.base_url).rstrip("/") + path
-    refs = {"resource": address, "download": address}
-    local = {"name": file.name, "path": file.name, "display": file.name, "origin": "local", "refs": refs}
-    body = {"files": {"local": local}, "done": True, "effectiveSelect": False, "effectivePrint": False}
-    if wants_print:
-        body["message"] = QUEUED
-    return JSONResponse(body, 201, {"location": address})
-
-
-async def _list_files(request: Request) -> Response:
-    """Answer with no files: the queue has jobs, and the page lists files."""
-    await run_in_threadpool(find_target, request)
-    return JSONResponse({"files": [], "free": None, "total": None})
-
-
-def _start_file(request: Request, body: dict[str, Any]) -> None:
-    """Queue a job for the newest file with the name in the path."""
+def _send_gcode(request: Request, body: dict[str, Any]) -> None:
+    """Send G-code to the printer between the commands of its print."""
     target = find_target(request)
-    target.access.require("print", target.printer.name)
-    if body.get("command") != "select":
-        raise ProblemError(400, "only the command select is possible", "Upload the file again to print it")
-    file = _find_newest(target.services.queue, str(request.path_params["path"]))
-    if body.get("print") is True:
-        queue_job(target, file)
+    target.access.require("control", target.printer.name)
+    commands = body.get("commands", [body.get("command")])
+    if not isinstance(commands, list) or not all(isinstance(one, str) for one in commands):
+        raise ProblemError(400, "the body is no command", 'Send {"commands": ["..."]} as JSON')
+    for command in commands[:_MOST_COMMANDS]:
+        target.services.send_command(target.printer.name, f"gcode {command}")
 
 
-def _find_newest(queue: PrintQueue, name: str) -> QueuedFile:
-    """Return the newest file with a name.
-
-    Raises:
-        ProblemError: there is none.
-    """
-    found = [file for file in queue.list_files() if file.name == name.rsplit("/", 1)[-1]]
-    if not found:
-        raise ProblemError(404, "there is no file with this name", "Upload it")
-    return max(found, key=lambda file: file.added)
+def _connect(request: Request, body: dict[str, Any]) -> None:
+    """Accept that a program wants to connect; the queue opens the port for each print."""
+    target = find_target(request)
+    target.access.require("control", target.printer.name)
+    if body.get("command") != "connect":
+        raise ProblemError(409, "the queue connects and disconnects by itself", "Send jobs")
 
 
 def _make_routes(prefix: str) -> list[BaseRoute]:
@@ -272,13 +232,17 @@ def _make_routes(prefix: str) -> list[BaseRoute]:
         ("currentuser", _log_in, "GET"),
         ("printerprofiles", _get_profiles, "GET"),
         ("connection", _get_connection, "GET"),
+        ("connection", make_command(_connect), "POST"),
         ("printer", _get_printer, "GET"),
         ("job", _get_job, "GET"),
-        ("job", _make_command(_change_print), "POST"),
-        ("files", _list_files, "GET"),
-        ("files/local", _list_files, "GET"),
-        ("files/local", _upload, "POST"),
-        ("files/local/{path:path}", _make_command(_start_file), "POST"),
+        ("job", make_command(_change_print), "POST"),
+        ("printer/command", make_command(_send_gcode), "POST"),
+        ("files", list_files, "GET"),
+        ("files/local", list_files, "GET"),
+        ("files/local", upload, "POST"),
+        ("files/local/{path:path}", get_file, "GET"),
+        ("files/local/{path:path}", delete_file, "DELETE"),
+        ("files/local/{path:path}", make_command(start_file), "POST"),
     )
     return [Route(f"{prefix}/api/{path}", run, methods=[method]) for path, run, method in table]
 

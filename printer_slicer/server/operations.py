@@ -111,7 +111,7 @@ def find_access(request: Request) -> Access:
             raise ProblemError(problem.status, problem.title, problem.remedy)
     if access is None:
         what = "the key is unknown" if text else "the request has no key"
-        raise ProblemError(401, what, "Create a key, see docs/server.md")
+        raise ProblemError(401, what, "Create a key: printer-slicer serve --new-key NAME")
     return access
 
 

@@ -90,7 +90,7 @@ def check_listener(listener: Listener, access: AccessStore) -> None:
     if not listener.is_loopback and not access.list_keys():
         raise UsageError(
             f"other computers could reach the server at {listener.address}, but there is no key",
-            remedy="Create a key first, see docs/server.md",
+            remedy="Create a key first: printer-slicer serve --new-key NAME --scopes all",
         )
 
 

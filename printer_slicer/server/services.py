@@ -51,6 +51,15 @@ class Services:
             raise ProblemError(409, str(answer.get("answer", "the print refused the command")))
         return answer
 
+    def delete_file(self, file: str) -> None:
+        """Delete a file and what was made of it, unless a waiting job needs it.
+
+        Raises:
+            UsageError: there is no such file, or a job needs it.
+        """
+        self.queue.delete_file(file)
+        self.reader.delete_pages(file)
+
     def close(self) -> None:
         """Cancel what is being sliced, and close the databases."""
         self.slicer.close()
