@@ -327,7 +327,7 @@ class PrintQueue:
         Raises:
             UsageError: there is no such printer, or it is printing and the bed cannot be clear.
         """
-        self._require_printer(printer)
+        self.find_printer(printer)
         with self._database.transaction() as connection:
             active = connection.execute(
                 "SELECT job FROM run WHERE printer = ? AND ended IS NULL", (printer,)
@@ -351,12 +351,12 @@ class PrintQueue:
         """
         from printer_slicer.profile import load_profile  # noqa: PLC0415 - slow
 
-        entry = self._require_printer(printer)
+        entry = self.find_printer(printer)
         load_profile(entry.profile, material, slices=False)
         with self._database.transaction() as connection:
             connection.execute("UPDATE printer SET material = ? WHERE name = ?", (material, printer))
 
-    def _require_printer(self, name: str) -> PrinterEntry:
+    def find_printer(self, name: str) -> PrinterEntry:
         """Return a printer.
 
         Raises:

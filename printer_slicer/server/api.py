@@ -50,6 +50,8 @@ def _list_keys(call: CheckedRequest) -> tuple[ApiKey, ...]:
 
 def _create_key(call: CheckedRequest) -> NewKey:
     body: KeyBody = call.body
+    if body.printer:
+        call.services.queue.find_printer(body.printer)  # fails if there is none
     return NewKey(*call.services.access.create_key(body.name, body.scopes, body.printer))
 
 

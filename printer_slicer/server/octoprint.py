@@ -204,14 +204,15 @@ def _change_print(request: Request, body: dict[str, Any]) -> None:
 
 
 def _send_gcode(request: Request, body: dict[str, Any]) -> None:
-    """Send G-code to the printer between the commands of its print."""
+    """Send G-code to the printer between the commands of its print; `M112` is the emergency stop, as in OctoPrint."""
     target = find_target(request)
     target.access.require("control", target.printer.name)
     commands = body.get("commands", [body.get("command")])
     if not isinstance(commands, list) or not all(isinstance(one, str) for one in commands):
         raise ProblemError(400, "the body is no command", 'Send {"commands": ["..."]} as JSON')
     for command in commands[:_MOST_COMMANDS]:
-        target.services.send_command(target.printer.name, f"gcode {command}")
+        is_stop = command.strip().upper() == "M112"
+        target.services.send_command(target.printer.name, "abort" if is_stop else f"say {command}")
 
 
 def _connect(request: Request, body: dict[str, Any]) -> None:

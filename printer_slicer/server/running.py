@@ -52,8 +52,9 @@ class Listener(Struct, frozen=True):
 
     @property
     def url(self) -> str:
-        """Address of the page on this computer."""
-        host = f"[{self.address}]" if ":" in self.address else self.address
+        """Address of the page: with the first of the further names if the server listens at all interfaces."""
+        names = (*self.hosts, "127.0.0.1") if ip_address(self.address).is_unspecified else (self.address,)
+        host = f"[{names[0]}]" if ":" in names[0] else names[0]
         return f"http://{host}:{self.port}"
 
 

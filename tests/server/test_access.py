@@ -8,6 +8,7 @@ from starlette.websockets import WebSocketDisconnect
 from printer_slicer.errors import UsageError
 from printer_slicer.print_queue import JobRequest, PrintQueue
 from printer_slicer.server.access import SCOPES, AccessStore
+from printer_slicer.server.running import Listener
 from tests.server.client import GCODE, PAGE, ServerClient
 
 
@@ -186,3 +187,22 @@ def test_answers_forbid_what_browsers_need_not_do(server: ServerClient) -> None:
         assert headers["x-content-type-options"] == "nosniff"
         assert "frame-ancestors 'none'" in headers["content-security-policy"]
         assert "unsafe" not in headers["content-security-policy"]
+
+
+def test_a_key_needs_a_printer_that_exists(server: ServerClient, access: AccessStore) -> None:
+    answer = server.post("/v1/keys", json={"name": "x", "scopes": ["read"], "printer": "lft"})
+    assert (answer.status_code, "no printer lft" in answer.text) == (422, True)
+    assert [key.name for key in access.list_keys()] == ["tests"]
+
+
+@pytest.mark.parametrize(
+    ("listener", "url"),
+    [
+        (Listener(), "http://127.0.0.1:5000"),
+        (Listener("0.0.0.0", hosts=("printbox.local",)), "http://printbox.local:5000"),
+        (Listener("::"), "http://127.0.0.1:5000"),
+        (Listener("::1", 80), "http://[::1]:80"),
+    ],
+)
+def test_the_address_of_the_page_can_be_opened(listener: Listener, url: str) -> None:
+    assert listener.url == url

@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 
 from tests.server.client import GCODE
-from tests.server.live import LiveServer, read_all, run_live_server, status_of
+from tests.server.live import LiveServer, add_job, read_all, run_live_server, status_of, supervise
+from tests.waiting import until
 
 CURL = "------------------------8d1bf5f2a61a91d1"
 QT = "boundary_.oOo._MTk1OTI3ODQ4NA==MTY4MTY5Mjc3Nw==MjEzODQ1MjE5OA=="
@@ -120,3 +121,17 @@ def test_cura_connects_polls_and_uploads(live: LiveServer) -> None:
     assert len(live.queue.snapshot().jobs) == 1
     response = request(live, f"POST {prefix}/job", as_json, b'{"command": "pause"}')
     assert status_of(response) == 409  # nothing is printed yet
+
+
+def test_an_app_sends_gcode_and_the_emergency_stop_during_a_print(live: LiveServer) -> None:
+    job = add_job(live.queue, b"G28\nM83\nM109 S200\nG1 X20 Y20 Z0.2 E1 F1200\nG4 S600\nM104 S0\n")
+    path = "POST /printers/left/api/printer/command"
+    headers = f"X-Api-Key: {live.key}\r\nContent-Type: application/json\r\n"
+    with supervise(live.queue):
+        until(lambda: live.queue.find_job(job).state == "printing")
+        assert status_of(request(live, path, headers, b'{"command": "M117 hello"}')) == 204
+        for refused in (b'{"commands": ["M104 S900"]}', b'{"command": "M117 a\\nM104 S200"}'):
+            assert status_of(request(live, path, headers, refused)) == 409, refused
+        assert status_of(request(live, path, headers, b'{"command": "M112"}')) == 204
+        until(lambda: live.queue.find_job(job).state != "printing")
+    assert "emergency stop" in live.queue.find_job(job).message

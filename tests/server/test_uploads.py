@@ -1,4 +1,4 @@
-"""Uploads: those of slicers byte for byte, broken ones, and ones that mean harm."""
+"""Uploads: as slicers send them, broken ones, and hostile ones."""
 
 from __future__ import annotations
 

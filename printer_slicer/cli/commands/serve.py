@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run_action(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore) -> int:
     """Change or list the keys if that is wanted; otherwise run the server."""
     if arguments.new_key is not None:
-        return _create_key(arguments, access)
+        return _create_key(arguments, queue, access)
     if arguments.delete_key:
         access.delete_key(arguments.delete_key)
         return print_result(
@@ -122,10 +122,12 @@ def _run_action(arguments: argparse.Namespace, queue: PrintQueue, access: Access
     return 0
 
 
-def _create_key(arguments: argparse.Namespace, access: AccessStore) -> int:
+def _create_key(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore) -> int:
     """Create a key, and print it."""
     from printer_slicer.server.access import SCOPES
 
+    if arguments.printer:
+        queue.find_printer(arguments.printer)  # fails if there is none
     names = [name.strip() for name in arguments.scopes.split(",")]
     scopes: Any = SCOPES if names == ["all"] else names
     key, text = access.create_key(arguments.new_key, scopes, arguments.printer)

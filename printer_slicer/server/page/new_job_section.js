@@ -49,7 +49,7 @@ export function makeNewJobSection() {
     if (ended) await show(ended);
   };
   let isResumed = false;
-  const refused = make("p", {}, "Your key does not allow to upload models.");
+  const refused = make("p", {}, "Your key does not allow uploads.");
   return {
     title: "New job",
     element: make("div", {}, refused, drop, settings, task.element, result),

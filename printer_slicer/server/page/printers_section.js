@@ -9,7 +9,7 @@ import { known } from "./status.js";
 /** Return the section with the printers. */
 export function makePrintersSection() {
   const cards = make("ul", { class: "cards" });
-  const empty = make("p", { hidden: true }, "There is no printer. Add one to printers.toml, and start the server again.");
+  const empty = make("p", { hidden: true }, "There is no printer. Add one with printer-slicer queue add-printer.");
   const showPrinters = makeList(cards, (printer) => printer.name, makePrinterCard);
   return {
     title: "Printers",

@@ -57,7 +57,7 @@ function makeKeys() {
     return load();
   };
   const { form, showPrinters } = makeKeyForm(showNew);
-  const about = "A slicer or a phone needs a key of its own. Delete it, and nobody gets in with it any more.";
+  const about = "Give each slicer and phone a key of its own. A deleted key no longer works.";
   const element = make("div", { class: "card" }, make("h3", {}, "Keys"), make("p", { class: "hint" }, about), list, form, created);
   return { element, load, showPrinters };
 }
