@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
 from threading import Lock
-from time import time
+from time import monotonic, time
 from typing import Final, Literal, get_args
 
 from printer_slicer.errors import UsageError
@@ -170,10 +170,10 @@ class AccessStore:
         return Access(key.name, key.scopes, key.printer)
 
     def create_link_token(self) -> str:
-        """Return a token that opens one session with all scopes, within ten minutes."""
+        """Return a token that opens one session with all scopes, within ten minutes, also if the clock is set."""
         token = secrets.token_urlsafe(32)
         with self._lock:
-            self._links[_hash(token)] = time() + _LINK_SECONDS
+            self._links[_hash(token)] = monotonic() + _LINK_SECONDS
         return token
 
     def sign_in(self, token_or_key: str) -> str | None:
@@ -181,7 +181,7 @@ class AccessStore:
         with self._lock:
             expires = self._links.pop(_hash(token_or_key), 0.0)
         key = None
-        if expires < time():
+        if expires < monotonic():
             if self.find_key(token_or_key) is None:
                 return None
             key = token_or_key.split("_", 2)[1]

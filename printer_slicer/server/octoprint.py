@@ -43,7 +43,7 @@ async def _get_version(request: Request) -> Response:
 
 
 async def _get_server(request: Request) -> Response:
-    """Answer that the server is well."""
+    """Answer that the server runs."""
     await run_in_threadpool(find_access, request)
     return JSONResponse({"version": _VERSION, "safemode": None})
 

@@ -1,4 +1,4 @@
-"""A request for one printer in the words of other servers, and the file that it may bring."""
+"""A request for one printer by the interface of another server, and the file that it may bring."""
 
 from __future__ import annotations
 

@@ -257,7 +257,9 @@ class SerialPort:
             raise PortError(message, remedy="Switch the printer off and on, and check the cable") from error
         except (OSError, TypeError, ValueError) as error:
             # pyserial raises OSError for an unplugged cable, TypeError or ValueError for a closed port.
-            message = f"{self._address}: connection lost: {error}"
+            is_gone = "reports readiness" in str(error)  # what pyserial raises if a read returns nothing
+            reason = "the device is gone, or another program reads from it" if is_gone else error
+            message = f"{self._address}: connection lost: {reason}"
             raise PortError(message, remedy="Check the cable and power of the printer") from error
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import time
+
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
@@ -206,3 +208,13 @@ def test_a_key_needs_a_printer_that_exists(server: ServerClient, access: AccessS
 )
 def test_the_address_of_the_page_can_be_opened(listener: Listener, url: str) -> None:
     assert listener.url == url
+
+
+def test_a_link_works_after_the_clock_was_set(
+    server: ServerClient, access: AccessStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del server.headers["x-api-key"]
+    token = access.create_link_token()
+    monkeypatch.setattr("printer_slicer.server.access.time", lambda: time() + 30 * 86400)
+    assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 303
+    assert server.get("/v1/me").status_code == 200

@@ -334,7 +334,7 @@ def _add_printer(arguments: argparse.Namespace, _: PrintQueue) -> int:
     path = arguments.printers_file or find_printers_file()
     entry = PrinterEntry(name=name, port=port, profile=profile, material=arguments.material or "pla")
     firmware = add_printer(path, entry, check=not arguments.no_check)
-    known = f", whose firmware is {firmware}" if firmware else ""
+    known = f"; its firmware is {firmware}" if firmware else ""
     facts = {"printer": name, "firmware": firmware, "file": str(path)}
     return print_result(arguments, facts, f"{name}: added to {path}{known}")
 

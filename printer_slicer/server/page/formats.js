@@ -28,7 +28,7 @@ export function formatFacts(facts) {
   if (facts.problem) return facts.problem;
   const parts = [];
   if (facts.seconds) parts.push(formatDuration(facts.seconds));
-  if (facts.layers) parts.push(`${facts.layers} layers`);
+  if (facts.layers) parts.push(facts.layers === 1 ? "1 layer" : `${facts.layers} layers`);
   if (facts.filament) parts.push(`${(facts.filament / 1000).toFixed(1)} m filament`);
   return [...parts, facts.material, facts.printer].filter(Boolean).join(" · ");
 }
