@@ -22,9 +22,17 @@ from printer_slicer.server.guard import GuardSettings
 from printer_slicer.server.services import Services
 from printer_slicer.values import Struct
 
-__all__ = ["Listener", "check_listener", "make_server_config", "parse_listener", "run_server"]
+__all__ = [
+    "Listener",
+    "RunningSupervisor",
+    "check_listener",
+    "make_server_config",
+    "parse_listener",
+    "run_server",
+]
 
 _LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
+_LOCK_INTERVAL: Final = 2.0  # s between attempts to run the queue that another process runs
 _MAX_FRAME: Final = 64 * 1024  # bytes from a browser
 
 
@@ -118,7 +126,7 @@ def run_server(
     services = Services(queue, access, _make_guard_settings(listener), default_job_store())
     server = _Server(make_server_config(services, listener), on_ready)
     try:
-        with server.config.bind_socket() as listening, _RunningSupervisor(queue, say):
+        with server.config.bind_socket() as listening, RunningSupervisor(queue, say):
             server.run([listening])
     except SystemExit:
         raise PortError(
@@ -166,8 +174,8 @@ class _Server(uvicorn.Server):
             self._on_ready()
 
 
-class _RunningSupervisor:
-    """A supervisor in a thread; without one, if another process already runs the queue."""
+class RunningSupervisor:
+    """A supervisor in a thread; if another process runs the queue, it begins when that process ends."""
 
     def __init__(self, queue: PrintQueue, say: Callable[[str], None]) -> None:
         self._queue, self._say, self._stop = queue, say, Event()
@@ -182,11 +190,17 @@ class _RunningSupervisor:
 
     def _run(self) -> None:
         """Work on the queue until the server stops."""
+        was_told = False
         try:
-            with lock_queue(self._queue):
-                Supervisor(self._queue, on_change=self._say).run(self._stop.is_set)
-        except UsageError as error:
-            self._say(f"{error.args[0]}: it starts the jobs, not this server")
+            while not self._stop.is_set():
+                try:
+                    with lock_queue(self._queue):
+                        Supervisor(self._queue, on_change=self._say).run(self._stop.is_set)
+                except UsageError as error:
+                    if not was_told:
+                        self._say(f"{error.args[0]}: it starts the jobs until it ends, then this server does")
+                    was_told = True
+                    self._stop.wait(_LOCK_INTERVAL)
         except Exception as error:  # noqa: BLE001 - a fault must not go unnoticed while the page looks well
             self._say(f"the supervisor of the queue has failed, no job is started any more: {error!r}")
             sys.excepthook(type(error), error, error.__traceback__)
