@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +23,7 @@ __all__ = [
     "SIMULATED",
     "PrinterEntry",
     "find_printers_file",
+    "list_missing_profiles",
     "parse_printers",
     "read_printers",
 ]
@@ -133,6 +134,18 @@ def read_printers(path: Path) -> tuple[PrinterEntry, ...]:
         raise UsageError(f"{path}: {error}", remedy="Correct this line") from None
     except UsageError as error:
         raise UsageError(f"{path}: {error.args[0]}", remedy=error.remedy) from None
+
+
+def list_missing_profiles(entries: Iterable[PrinterEntry]) -> tuple[str, ...]:
+    """Return a sentence for each printer whose profile does not exist."""
+    from printer_slicer.profile.folders import find_profile_paths  # noqa: PLC0415 - slow
+
+    known = find_profile_paths("printer")
+    return tuple(
+        f"{one.name}: there is no printer profile {one.profile}, so nothing is printed there"
+        for one in entries
+        if one.profile not in known and not Path(one.profile).expanduser().is_file()
+    )
 
 
 def parse_printers(tables: Mapping[str, Any]) -> tuple[PrinterEntry, ...]:

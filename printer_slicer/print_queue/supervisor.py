@@ -25,7 +25,7 @@ from printer_slicer.print_queue.matching import (
     is_wanted_printer,
     read_traits,
 )
-from printer_slicer.print_queue.printers import PrinterEntry
+from printer_slicer.print_queue.printers import PrinterEntry, list_missing_profiles
 from printer_slicer.print_queue.queue_store import PrintQueue
 from printer_slicer.print_queue.records import PrinterState, PrintRun, QueuedJob, QueueSnapshot
 from printer_slicer.print_queue.run_folder import (
@@ -133,6 +133,9 @@ class Supervisor:
         An error, such as an invalid printers.toml or a full disk, is told to `on_change`, and the work is tried again.
         """
         self.recover()
+        with suppress(PrinterSlicerError):  # the first step tells it
+            for text in list_missing_profiles(self._queue.list_printers()):
+                self._on_change(text)
         revision, problem = -1, ""
         while not stop():
             try:

@@ -145,12 +145,14 @@ class Feed:
         """Follow the queue until the server stops; start to watch each new run."""
         revision = -1
         while not self._stop.is_set():
-            with suppress(PrinterSlicerError):  # printers.toml is invalid at the moment; queue list says so
+            try:
                 snapshot = self._services.queue.snapshot()
                 revision = snapshot.revision
                 encoded = b'{"kind":"queue","queue":' + encode_json(snapshot) + b"}"
                 self._follow(snapshot.runs, revision, encoded)
-            self._services.queue.wait_for_change(revision, _QUEUE_TIMEOUT)
+                self._services.queue.wait_for_change(revision, _QUEUE_TIMEOUT)
+            except PrinterSlicerError:  # printers.toml is invalid or the disk is full; the supervisor says so
+                self._stop.wait(_QUEUE_TIMEOUT)
 
     def _follow(self, runs: tuple[PrintRun, ...], revision: int, encoded: bytes) -> None:
         """Store a new state of the queue, and watch exactly its runs."""

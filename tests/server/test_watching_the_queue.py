@@ -1,0 +1,60 @@
+"""The threads of the server that follow the queue: they go on after other processes and errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from printer_slicer.errors import OutputError
+from printer_slicer.print_queue import PrintQueue, open_queue
+from printer_slicer.print_queue.supervisor import is_supervised, lock_queue
+from printer_slicer.server import running
+from printer_slicer.server.access import AccessStore
+from tests.server.client import open_client
+from tests.server.live import PRINTERS
+from tests.waiting import until
+
+
+def test_the_server_takes_over_when_the_other_process_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PRINTER_SLICER_STATE", str(tmp_path))
+    monkeypatch.setattr(running, "_LOCK_INTERVAL", 0.01)
+    (tmp_path / "printers.toml").write_text(f'{PRINTERS}[wrong]\nport = "sim:"\nprofile = "nonesuch"\n')
+    queue, said = open_queue(tmp_path / "queue", tmp_path / "printers.toml"), list[str]()
+    with lock_queue(queue):
+        supervisor = running.RunningSupervisor(queue, said.append)
+        supervisor.__enter__()
+        until(lambda: said)
+    try:
+        until(lambda: is_supervised(queue))
+        until(lambda: len(said) == 2)
+    finally:
+        supervisor.__exit__()
+        queue.close()
+    assert "then this server does" in said[0]
+    assert said[1].startswith("wrong: there is no printer profile nonesuch")
+
+
+def test_the_feed_goes_on_after_an_error_of_the_database(
+    queue: PrintQueue, access: AccessStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = [OutputError("disk I/O error", remedy="Check the disk")]
+    wait = queue.wait_for_change
+
+    def fail_once(revision: int, timeout: float) -> int:
+        if errors:
+            raise errors.pop()
+        return wait(revision, timeout)
+
+    monkeypatch.setattr(queue, "wait_for_change", fail_once)
+    _, key = access.create_key("tests", ["read"])
+    with (
+        open_client(queue, access, tmp_path / "prints", key) as client,
+        client.websocket_connect("/v1/feed", headers={"x-api-key": key}) as feed,
+    ):
+        assert '"bed":"unknown"' in feed.receive_text()
+        until(lambda: not errors)
+        queue.set_bed("left", "clear")
+        assert '"bed":"clear"' in feed.receive_text()
