@@ -9,6 +9,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -31,6 +32,7 @@ __all__ = ["MAX_BYTES", "MAX_SECONDS", "NICENESS", "FileReader", "limit_process"
 MAX_SECONDS: Final = 900
 MAX_BYTES: Final = 6 << 30
 NICENESS: Final = 10
+_INTERRUPTIONS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 _PREVIEW_ENDING: Final = "preview1.gz"  # with the number of the format
 
 
@@ -49,7 +51,7 @@ class FileReader:
         """Return the facts of a file, which is read if that has not happened yet; a problem is a fact, too.
 
         Raises:
-            UsageError: there is no such file.
+            UsageError: there is no such file, or reading was interrupted.
         """
         facts = self._queue.read_facts(file_id)
         if facts is None:
@@ -132,13 +134,19 @@ def _run_process(what: str, path: Path, name: str) -> tuple[bytes, str]:
 
 
 def _wait_for(command: list[str]) -> str:
-    """Run a command without input and output; return why it failed."""
+    """Run a command without input and output; return why it failed.
+
+    Raises:
+        UsageError: it was interrupted from outside, such as by Ctrl-C, which says nothing about the file.
+    """
     nothing = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     try:
         subprocess.run(command, timeout=2 * MAX_SECONDS, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
     except subprocess.TimeoutExpired:
         return f"reading the file took over {2 * MAX_SECONDS} s"
-    except subprocess.CalledProcessError:
+    except subprocess.CalledProcessError as error:
+        if -error.returncode in _INTERRUPTIONS:
+            raise UsageError("reading the file was interrupted", remedy="Try again") from None
         return "the file cannot be read within the limits of time and memory"
     return ""
 

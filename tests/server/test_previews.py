@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from printer_slicer.jobs import split_sendable
 from printer_slicer.preview import decode_preview
+from printer_slicer.print_queue import PrintQueue
 from tests.server.client import GCODE, ServerClient, form
 
 LAYERS = b"G28\nM104 S200 ; wait\n\n" + b"".join(
@@ -44,3 +50,19 @@ def test_previews_need_a_key(server: ServerClient) -> None:
     del server.headers["x-api-key"]
     for what in ("preview", "layers"):
         assert server.get(f"/v1/files/{stored['id']}/{what}").status_code == 401
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_an_interrupted_reading_says_nothing_about_the_file(
+    server: ServerClient, queue: PrintQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "killed"
+    program.write_text("#!/bin/sh\nkill -9 $$\n")
+    program.chmod(0o700)
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "executable", str(program))
+        answer = server.post("/v1/files", **form(("file", "part.gcode", GCODE)))
+    assert (answer.status_code, "interrupted" in answer.text) == (422, True)
+    (file,) = queue.list_files()
+    assert queue.read_facts(file.id) is None
+    assert server.get(f"/v1/files/{file.id}").json()[1]["problem"] == ""
