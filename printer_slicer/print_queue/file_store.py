@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.saving import sync_folder
 
-__all__ = ["DEFAULT_MAX_BYTES", "FileStore", "StoredContent"]
+__all__ = ["DEFAULT_MAX_BYTES", "FileStore", "StoredContent", "check_free_space"]
 
 DEFAULT_MAX_BYTES: Final = 512 * 1024 * 1024
 """Largest file, bytes."""
@@ -127,7 +127,7 @@ class FileStore:
                     )
                 if size - looked >= _STEP:
                     looked = size
-                    _check_free_space(self._folder)
+                    check_free_space(self._folder)
                 digest.update(piece)
                 file.write(piece)
             file.flush()
@@ -141,7 +141,7 @@ class FileStore:
         sync_folder(target.parent)
 
 
-def _check_free_space(folder: Path) -> None:
+def check_free_space(folder: Path) -> None:
     """Check that a full disk will not stop the queue and the prints that write to it.
 
     Raises:

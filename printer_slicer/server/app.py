@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from secrets import token_hex
 from shutil import rmtree
 from typing import Final
@@ -23,6 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.preview.viewer_files import make_view_policy
 from printer_slicer.print_queue import QueuedFile
+from printer_slicer.print_queue.file_store import check_free_space
 from printer_slicer.server.access import Access
 from printer_slicer.server.api import OPERATIONS
 from printer_slicer.server.assets import ASSET_ROUTES
@@ -188,8 +190,7 @@ def _store_model(services: Services, form: FormReader, command: SliceCommand) ->
     folder.mkdir(parents=True, mode=0o700)
     try:
         model = folder / f"model{ending}"
-        with model.open("wb") as file:
-            file.writelines(form.read_file())
+        _write_model(model, form)
         fields = form.fields
         settings = decode_json((fields.get("settings") or "{}").encode(), dict[str, str])
         copies = decode_json((fields.get("copies") or "1").encode(), int)
@@ -202,6 +203,23 @@ def _store_model(services: Services, form: FormReader, command: SliceCommand) ->
                 400, f"a field of the form is not valid: {error}", "See /v1/openapi.json"
             ) from None
         raise
+
+
+def _write_model(path: Path, form: FormReader) -> None:
+    """Write the file of a form.
+
+    Raises:
+        ProblemError: it cannot be written, or too little space is free.
+    """
+    try:
+        with path.open("wb") as file:
+            for piece in form.read_file():
+                check_free_space(path.parent)
+                file.write(piece)
+    except OSError as error:
+        raise ProblemError(
+            422, f"the model cannot be stored: {error.strerror or error}", "Free some disk space"
+        ) from None
 
 
 async def _sign_in(request: Request) -> Response:

@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from shutil import rmtree
 from threading import Lock
+from time import time
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits
@@ -37,6 +38,7 @@ MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf",
 
 SliceCommand = Literal["slice", "plan"]
 
+_DAY: Final = 86400.0  # s
 _LIMITS: Final = ProcessLimits(MAX_SECONDS, MAX_BYTES, NICENESS)
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
@@ -115,6 +117,14 @@ class Slicer:
         self._executor: ProcessExecutor | None = None
         self.folder = queue.folder / "models"
         """Folder of the models, each in a folder of its own until it is sliced."""
+        self._delete_old_models()
+
+    def _delete_old_models(self) -> None:
+        """Delete the models that a killed server has left a day ago or earlier."""
+        for path in self.folder.glob("*"):
+            with suppress(OSError):
+                if path.stat().st_mtime < time() - _DAY:
+                    rmtree(path)
 
     def close(self) -> None:
         """Cancel all tasks."""

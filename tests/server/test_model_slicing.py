@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from threading import Event
+from time import time
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import printer_slicer as ps
 from printer_slicer.print_queue import PrintQueue
+from printer_slicer.server.slicing import Slicer
+from printer_slicer.server.workers import FileReader
 from tests.parts import box
 from tests.server.client import ServerClient, form
 from tests.waiting import until
@@ -130,3 +135,24 @@ def test_each_plate_becomes_a_file(server: ServerClient, queue: PrintQueue, tmp_
     assert len(task["files"]) == len(task["facts"]) == 2
     assert [queue.find_file(file).name for file in task["files"]] == ['a"b-1.gcode', 'a"b-2.gcode']
     assert [facts["plate"] for facts in task["facts"]] == [1, 2]
+
+
+def test_models_that_a_killed_server_has_left_are_deleted(queue: PrintQueue) -> None:
+    for name, age in (("old", 2 * 86400), ("new", 0)):
+        folder = queue.folder / "models" / name
+        folder.mkdir(parents=True)
+        (folder / "model.stl").write_bytes(b"solid")
+        os.utime(folder, (time() - age, time() - age))
+    Slicer(queue, FileReader(queue)).close()
+    assert [one.name for one in (queue.folder / "models").iterdir()] == ["new"]
+
+
+def test_a_model_is_rejected_when_the_disk_is_nearly_full(
+    server: ServerClient, queue: PrintQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "printer_slicer.print_queue.file_store.disk_usage", lambda _: SimpleNamespace(free=1000)
+    )
+    answer = server.post("/v1/slices", **form(("printer", None, b"left"), ("file", "x.stl", b"solid")))
+    assert (answer.status_code, "are free" in answer.text) == (422, True)
+    assert list((queue.folder / "models").iterdir()) == []
