@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,3 +60,14 @@ def test_the_feed_goes_on_after_an_error_of_the_database(
         until(lambda: not errors)
         queue.set_bed("left", "clear")
         assert '"bed":"clear"' in feed.receive_text()
+
+
+def test_the_demo_says_that_its_prints_end_with_it() -> None:
+    command = [sys.executable, "-m", "printer_slicer", "serve", "--demo", "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        lines = iter(process.stdout.readline, "")
+        said = next(line for line in lines if "serving at" in line)
+        process.terminate()
+        process.stdout.read()
+    assert "ends the server and its prints" in said

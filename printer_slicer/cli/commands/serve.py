@@ -164,9 +164,8 @@ def _serve(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore
 
     def announce() -> None:
         once = "; the link works once, within 10 minutes" if listener.is_loopback else "; sign in with a key"
-        print_text(
-            arguments, f"serving at {link}{once}. Ctrl-C ends the server, not the prints", is_message=False
-        )
+        ended = "the server and its prints" if arguments.demo else "the server, not the prints"
+        print_text(arguments, f"serving at {link}{once}. Ctrl-C ends {ended}", is_message=False)
         if arguments.open:
             webbrowser.open(link)
 
