@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -62,12 +63,15 @@ def test_the_feed_goes_on_after_an_error_of_the_database(
         assert '"bed":"clear"' in feed.receive_text()
 
 
-def test_the_demo_says_that_its_prints_end_with_it() -> None:
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process there")
+def test_the_prints_of_the_demo_end_with_it(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "printer_slicer", "serve", "--demo", "--listen", "127.0.0.1:0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         lines = iter(process.stdout.readline, "")
         said = next(line for line in lines if "serving at" in line)
         process.terminate()
         process.stdout.read()
     assert "ends the server and its prints" in said
+    assert list(tmp_path.glob("printer-slicer-demo-*")) == []

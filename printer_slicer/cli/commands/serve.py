@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import webbrowser
 from contextlib import ExitStack
 from pathlib import Path
@@ -94,6 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
                 TemporaryDirectory(prefix="printer-slicer-demo-", ignore_cleanup_errors=True)
             )
             os.environ["PRINTER_SLICER_STATE"] = folder  # its prints are not to be resumed later
+            signal.signal(signal.SIGTERM, _interrupt)  # otherwise its prints would go on
             queue = open_demo_queue(Path(folder))
             stack.callback(queue.close)
             stack.callback(end_demo_prints, queue)
@@ -103,6 +105,11 @@ def run(arguments: argparse.Namespace) -> int:
         access = AccessStore(queue.folder / "access.db")
         stack.callback(access.close)
         return _run_action(arguments, queue, access)
+
+
+def _interrupt(*_: object) -> None:
+    """End the program as Ctrl-C does."""
+    raise KeyboardInterrupt
 
 
 def _run_action(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore) -> int:
