@@ -30,6 +30,7 @@ _SAMPLE: Final = 0.1  # mm between points along extrusions
 _NEAR: Final = 1.0  # mm; free extrusions of a layer that are nearer are one place
 _CONTACT: Final = 0.65  # mm below the part, room for a gap and a thick bridge; more is no contact
 _LEAST_FLAT: Final = 4.0  # mm²
+_LEAST_HELD: Final = 0.2  # mm² of a level area right above supports; less is only the side of a branch
 _FARTHEST_GAP: Final = 1.2  # mm
 _COARSE: Final = 5  # cells of the grid in a cell by which pieces are told apart
 _CLOSING: Final = 3  # coarse cells
@@ -455,7 +456,7 @@ def _flats(part: Extrusions, solid: Solid, overhang: Overhang, top: Float) -> li
         held = own[np.isfinite(top[own])]
         bottom = _bottoms_above(part, z, solid)[solid.cell[held]]
         both = np.isfinite(bottom)
-        if both.any():
+        if np.count_nonzero(both) * size >= _LEAST_HELD:
             gap = float(bottom[both].min() - top[held][both].max())
             usual = float(np.median(bottom[both] - top[held][both]))
             found.append(Flat(z, round(len(cells) * size, 1), round(gap, 4), round(usual, 4)))

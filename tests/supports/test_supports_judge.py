@@ -270,6 +270,13 @@ def test_a_support_that_ends_too_low_holds_nothing() -> None:
     assert [flat.gap for flat in found.flats] == pytest.approx([1.0])
 
 
+def test_the_side_of_a_branch_below_the_edge_of_a_flat_is_no_gap() -> None:
+    text = Text().layer(1.0, "Support material").path((20.15, 5.0), (20.15, 5.4))
+    text.layer(BOTTOM + HEIGHT, "External perimeter").rows(0.5, 19.9)
+
+    assert measured(text).flats == []
+
+
 def test_support_on_the_part_is_a_scar() -> None:
     text = Text()
     for top in (3.4, 3.6):  # a gap of 0.2 over the plate
