@@ -11,6 +11,7 @@ from printer_slicer.geometry import (
     Areas,
     difference,
     find_enclosing_rings,
+    intersection,
     normalize,
     offset,
     offset_open,
@@ -33,6 +34,7 @@ _REACH_OF_WALLS: Final = (
     0.85  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
 )
 _THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
+_STEP: Final = 0.3  # widths by which columns beside steep slopes of the part move from layer to layer
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
 
@@ -131,14 +133,34 @@ def add_columns(
         if not column.n_rings:
             continue
         own = paths.take(np.flatnonzero(paths.layer == layer))
-        free = difference(difference(column, blocked.copy_layers(at)), _draw_beads(own))
-        column = offset_open(free, _THINNEST * float(width[layer] or width.max()))
+        usual = float(width[layer] or width.max())
+        column = _lean(column, blocked.copy_layers(at), usual)
+        column = offset_open(difference(column, _draw_beads(own)), _THINNEST * usual)
         areas.append(column.on_layers(at, n_layers))
-        walls = _make_walls(column, float(width[layer] or width.max()), paths, layer)
+        walls = _make_walls(column, usual, paths, layer)
         loops.append(walls)
         column = _find_unsupported_columns(column, walls, paths, rules, layer)
     made = Toolpaths.joined(layers, [*loops, paths.take(np.zeros(0, np.int64))])
     return AddedColumns(Areas.concatenate(areas[::-1], n_layers), made)
+
+
+def _lean(column: Areas, blocked: Areas, width: float) -> Areas:
+    """Return the columns of a layer outside of what is blocked.
+
+    Where a steep slope of the part takes a narrow strip, they become wider on their free side, so that they lean beside
+    the slope. They move by less than half a width, so that their walls lie on each other.
+
+    Args:
+        column: the columns of the layer above, one layer.
+        blocked: what must stay free, one layer.
+        width: of extrusions, mm.
+    """
+    lost = intersection(column, blocked)
+    if not lost.n_rings:
+        return column
+    strips = difference(lost, offset_open(lost, _STEP * width))
+    beside = intersection(offset(strips, 2 * _REACH_OF_WALLS * width), offset(column, _STEP * width))
+    return difference(union(column, beside), blocked)
 
 
 def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:

@@ -173,3 +173,20 @@ def test_ledges_just_above_the_bed_are_listed_if_the_gap_leaves_no_room(gap: flo
 
     assert supports is not None
     assert sum(place.area for place in supports.unsupported) == pytest.approx(area, abs=1.0)
+
+
+def leaning_wall(lean: float) -> Mesh:
+    """A wall along x that leans by an angle from the vertical, in degrees, with an arm of 2.5 mm on its upper side."""
+    way = 20 * float(np.tan(np.deg2rad(lean)))
+    wall = [(0.0, 0.0), (4.0, 0.0), (4.0 + way, 20.0), (way, 20.0)]
+    arm = [(way - 2.5, 20.0), (4.0 + way, 20.0), (4.0 + way, 24.0), (way - 2.5, 24.0)]
+    outlines = (prism(np.array(one), 20.0).triangles[:, :, [2, 0, 1]] for one in (wall, arm))
+    return joined([Mesh(one, "prism") for one in outlines], "wall")
+
+
+@pytest.mark.parametrize("lean", [8, 12, 20])
+def test_columns_lean_beside_steep_slopes(lean: float) -> None:
+    bare, overhangs = bare_of(leaning_wall(lean))
+
+    assert overhangs.area.area().sum() == pytest.approx(2.5 * 20, rel=0.05)
+    assert bare == ()
