@@ -44,10 +44,12 @@ class AddedColumns(Struct, frozen=True, eq=False):
     Attributes:
         area: by support layer.
         paths: their loops.
+        replaced: where they take the place of other beads, by support layer.
     """
 
     area: Areas
     paths: Toolpaths
+    replaced: Areas
 
 
 def find_contact_areas(overhangs: Overhangs, plan: SupportPlan, some: Bool) -> Areas:
@@ -125,7 +127,8 @@ def add_columns(
     wanted = _draw_stretches(samples, paths, hanging)
     width = np.zeros(n_layers)
     width[paths.layer] = paths.width[paths.start[:-1]]
-    column, areas, loops = Areas.empty(1), list[Areas](), list[Toolpaths]()
+    column, leaning = Areas.empty(1), Areas.empty(1)
+    areas, replaced, loops = list[Areas](), list[Areas](), list[Toolpaths]()
     for layer in range(n_layers - 2, -1, -1):
         at = np.array([layer])
         above = wanted.copy_layers(at + 1)
@@ -133,19 +136,25 @@ def add_columns(
         if not column.n_rings:
             continue
         own = paths.take(np.flatnonzero(paths.layer == layer))
-        usual = float(width[layer] or width.max())
-        column = _lean(column, blocked.copy_layers(at), usual)
-        column = offset_open(difference(column, _draw_beads(own)), _THINNEST * usual)
+        usual, beads = float(width[layer] or width.max()), _draw_beads(own)
+        column, beside = _lean(column, blocked.copy_layers(at), usual)
+        leaning = union(leaning, beside) if beside.n_rings else leaning
+        # Leaning columns pass through rows of other columns, and carry what lies on those.
+        rows = _draw_beads(own.take(np.flatnonzero(own.role == Role.SUPPORT)))
+        passed = intersection(rows, leaning)
+        column = offset_open(difference(column, difference(beads, passed)), _THINNEST * usual)
+        replaced.append(intersection(offset(column, usual / 4), passed).on_layers(at, n_layers))
         areas.append(column.on_layers(at, n_layers))
         walls = _make_walls(column, usual, paths, layer)
         loops.append(walls)
         column = _find_unsupported_columns(column, walls, paths, rules, layer)
     made = Toolpaths.joined(layers, [*loops, paths.take(np.zeros(0, np.int64))])
-    return AddedColumns(Areas.concatenate(areas[::-1], n_layers), made)
+    area, passed = (Areas.concatenate(some[::-1], n_layers) for some in (areas, replaced))
+    return AddedColumns(area, made, passed)
 
 
-def _lean(column: Areas, blocked: Areas, width: float) -> Areas:
-    """Return the columns of a layer outside of what is blocked.
+def _lean(column: Areas, blocked: Areas, width: float) -> tuple[Areas, Areas]:
+    """Return the columns of a layer outside of what is blocked, and what of it is beside steep slopes.
 
     Where a steep slope of the part takes a narrow strip, they become wider on their free side, so that they lean beside
     the slope. They move by less than half a width, so that their walls lie on each other.
@@ -157,10 +166,10 @@ def _lean(column: Areas, blocked: Areas, width: float) -> Areas:
     """
     lost = intersection(column, blocked)
     if not lost.n_rings:
-        return column
+        return column, lost
     strips = difference(lost, offset_open(lost, _STEP * width))
     beside = intersection(offset(strips, 2 * _REACH_OF_WALLS * width), offset(column, _STEP * width))
-    return difference(union(column, beside), blocked)
+    return difference(union(column, beside), blocked), difference(beside, blocked)
 
 
 def _draw_stretches(samples: BeadSamples, paths: Toolpaths, hanging: Bool) -> Areas:

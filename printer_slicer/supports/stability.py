@@ -10,6 +10,7 @@ from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected, union
 from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile, Quality
+from printer_slicer.roles import Role
 from printer_slicer.supports.added_columns import add_columns, find_contact_areas, find_needed_paths
 from printer_slicer.supports.bead_samples import BeadSamples, find_repeated_layers, sample_beads
 from printer_slicer.supports.blocked_areas import find_blocked_areas
@@ -149,10 +150,21 @@ def _carry(
         made = add_columns(samples, paths, hanging, blocked, rules)
         if not made.paths.n_paths:
             break
-        paths = Toolpaths.joined(layers, [paths, made.paths])
+        paths = Toolpaths.joined(layers, [_cut_replaced(paths, made.replaced), made.paths])
         supports = replace(supports, base=union(supports.base, made.area))
         suspect = suspect | np.isin(np.arange(layers.n_layers), made.paths.layer)
     return supports, paths, suspect
+
+
+def _cut_replaced(paths: Toolpaths, replaced: Areas) -> Toolpaths:
+    """Return the paths of bases without what lies in areas by support layer."""
+    if not replaced.n_rings:
+        return paths
+    samples = sample_beads(paths, replaced.used)
+    layer = paths.layer[samples.path]
+    ring = find_enclosing_rings(replaced, samples.points(np.arange(samples.count)), layer)
+    inside = (ring >= 0) & (replaced.ring_area()[ring] > 0) & (paths.role[samples.path] == Role.SUPPORT)
+    return keep_samples(samples, paths, ~inside) if inside.any() else paths
 
 
 def _find_blocked(sections: Sections, layers: LayerPlan, quality: Quality) -> Areas:
