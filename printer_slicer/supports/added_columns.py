@@ -34,7 +34,7 @@ _REACH_OF_WALLS: Final = (
     0.85  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
 )
 _THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
-_STEP: Final = 0.3  # widths by which columns beside steep slopes of the part move from layer to layer
+_STEP: Final = 0.4  # widths by which columns beside steep slopes of the part move from layer to layer
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
 
