@@ -136,13 +136,11 @@ def add_columns(
         if not column.n_rings:
             continue
         own = paths.take(np.flatnonzero(paths.layer == layer))
-        usual, beads = float(width[layer] or width.max()), _draw_beads(own)
+        usual = float(width[layer] or width.max())
         column, beside = _lean(column, blocked.copy_layers(at), usual)
         leaning = union(leaning, beside) if beside.n_rings else leaning
-        # Leaning columns pass through rows of other columns, and carry what lies on those.
-        rows = _draw_beads(own.take(np.flatnonzero(own.role == Role.SUPPORT)))
-        passed = intersection(rows, leaning)
-        column = offset_open(difference(column, difference(beads, passed)), _THINNEST * usual)
+        beads, passed = _divide_beads(own, leaning)
+        column = offset_open(difference(column, beads), _THINNEST * usual)
         replaced.append(intersection(offset(column, usual / 4), passed).on_layers(at, n_layers))
         areas.append(column.on_layers(at, n_layers))
         walls = _make_walls(column, usual, paths, layer)
@@ -202,6 +200,19 @@ def _draw_beads(paths: Toolpaths) -> Areas:
     points = np.stack([paths.xy[begin], paths.xy[end]], axis=1).reshape(-1, 2)
     zero = np.zeros(len(begin), np.int64)
     return stroke_lines(points, 2 * np.arange(len(begin) + 1), zero, paths.width[begin] / 2, 1)
+
+
+def _divide_beads(own: Toolpaths, leaning: Areas) -> tuple[Areas, Areas]:
+    """Return what beads of one layer cover, and what columns that lean take the place of, as stacks of one layer.
+
+    Such columns pass through rows of other columns, and then carry what lies on those.
+    """
+    beads = _draw_beads(own)
+    if not leaning.n_rings:
+        return beads, leaning
+    rows = own.take(np.flatnonzero(own.role == Role.SUPPORT))
+    passed = intersection(_draw_beads(rows), leaning)
+    return difference(beads, passed), passed
 
 
 def _make_walls(column: Areas, width: float, paths: Toolpaths, layer: int) -> Toolpaths:
