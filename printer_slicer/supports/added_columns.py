@@ -113,6 +113,8 @@ def add_columns(
     hanging: Bool,
     blocked: Areas,
     rules: SpanRules,
+    *,
+    leans: bool,
 ) -> AddedColumns:
     """Return columns of two walls under unsupported stretches, down to the part, the bed or beads below.
 
@@ -122,6 +124,7 @@ def add_columns(
         hanging: (n,) samples that are to be carried.
         blocked: areas by layer that must stay free.
         rules: largest lengths of unsupported beads.
+        leans: whether columns lean beside steep slopes.
     """
     layers, n_layers = paths.plan, paths.plan.n_layers
     wanted = _draw_stretches(samples, paths, hanging)
@@ -137,7 +140,7 @@ def add_columns(
             continue
         own = paths.take(np.flatnonzero(paths.layer == layer))
         usual = float(width[layer] or width.max())
-        column, beside = _lean(column, blocked.copy_layers(at), usual)
+        column, beside = _lean(column, blocked.copy_layers(at), _STEP * usual if leans else 0.0, usual)
         leaning = union(leaning, beside) if beside.n_rings else leaning
         beads, passed = _divide_beads(own, leaning)
         column = offset_open(difference(column, beads), _THINNEST * usual)
@@ -151,7 +154,7 @@ def add_columns(
     return AddedColumns(area, made, passed)
 
 
-def _lean(column: Areas, blocked: Areas, width: float) -> tuple[Areas, Areas]:
+def _lean(column: Areas, blocked: Areas, step: float, width: float) -> tuple[Areas, Areas]:
     """Return the columns of a layer outside of what is blocked, and what of it is beside steep slopes.
 
     Where a steep slope of the part takes a narrow strip, they become wider on their free side, so that they lean beside
@@ -160,13 +163,16 @@ def _lean(column: Areas, blocked: Areas, width: float) -> tuple[Areas, Areas]:
     Args:
         column: the columns of the layer above, one layer.
         blocked: what must stay free, one layer.
+        step: most by which columns move, mm; 0: none leans.
         width: of extrusions, mm.
     """
+    if not step:
+        return difference(column, blocked), Areas.empty(1)
     lost = intersection(column, blocked)
-    if not lost.n_rings:
-        return column, lost
-    strips = difference(lost, offset_open(lost, _STEP * width))
-    beside = intersection(offset(strips, 2 * _REACH_OF_WALLS * width), offset(column, _STEP * width))
+    strips = difference(lost, offset_open(lost, step))
+    if not strips.n_rings:
+        return difference(column, blocked), strips
+    beside = intersection(offset(strips, 2 * _REACH_OF_WALLS * width), offset(column, step))
     return difference(union(column, beside), blocked), difference(beside, blocked)
 
 

@@ -24,7 +24,7 @@ from printer_slicer.values import Struct, replace
 
 __all__ = ["StableSupports", "check_stability"]
 
-_ROUNDS: Final = 2  # of columns under unsupported beads
+_ROUNDS: Final = 2  # of upright columns under unsupported beads, and then of leaning ones
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
 
@@ -44,7 +44,13 @@ class StableSupports(Struct, frozen=True, eq=False):
 
 
 def check_stability(
-    supports: Supports, paths: Toolpaths, overhangs: Overhangs, sections: Sections, profile: Profile
+    supports: Supports,
+    paths: Toolpaths,
+    overhangs: Overhangs,
+    sections: Sections,
+    profile: Profile,
+    *,
+    leans: bool = False,
 ) -> StableSupports:
     """Return supports in which each bead lies on the bed, on the part or on supported beads.
 
@@ -58,6 +64,7 @@ def check_stability(
         overhangs: areas that need supports.
         sections: the part, all objects.
         profile: gaps and spacings of supports.
+        leans: whether columns lean beside steep slopes where upright ones do not stand.
     """
     cut = np.zeros((0, 3))
     if not paths.n_paths:
@@ -78,7 +85,7 @@ def check_stability(
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
         supports, paths, changed = _carry(
-            supports, paths, (overhangs, sections, profile), column_rules, above
+            supports, paths, (overhangs, sections, profile), column_rules, above, leans=leans
         )
         suspect |= changed
     paths, removed = _remove(paths, rules, suspect)
@@ -129,6 +136,8 @@ def _carry(
     made_for: tuple[Overhangs, Sections, Profile],
     rules: SpanRules,
     suspect: Bool,
+    *,
+    leans: bool,
 ) -> tuple[Supports, Toolpaths, Bool]:
     """Put columns under unsupported beads that are needed; return all areas and beads.
 
@@ -137,7 +146,7 @@ def _carry(
     overhangs, sections, profile = made_for
     quality, layers = profile.quality, supports.plan.layers
     blocked = None
-    for _ in range(_ROUNDS):
+    for turn in range(2 * _ROUNDS if leans else _ROUNDS):
         samples, hanging = _find_unsupported(paths, rules, suspect)
         kept = remove_unsupported(samples, paths, hanging, rules)
         lost = np.zeros(layers.n_layers, np.bool_)
@@ -147,9 +156,9 @@ def _carry(
         if not hanging.any():
             break
         blocked = blocked or _find_blocked(sections, layers, quality)
-        made = add_columns(samples, paths, hanging, blocked, rules)
+        made = add_columns(samples, paths, hanging, blocked, rules, leans=turn >= _ROUNDS)
         if not made.paths.n_paths:
-            break
+            continue
         paths = Toolpaths.joined(layers, [_cut_replaced(paths, made.replaced), made.paths])
         supports = replace(supports, base=union(supports.base, made.area))
         suspect = suspect | np.isin(np.arange(layers.n_layers), made.paths.layer)
