@@ -84,16 +84,14 @@ def check_stability(
         samples, large = _find_unsupported(paths, column_rules, suspect)
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
-        supports, paths, changed = _carry(
-            supports, paths, (overhangs, sections, profile), column_rules, above, leans=leans
-        )
+        case = overhangs, sections, profile
+        supports, paths, changed = _carry(supports, paths, case, column_rules, above, leans=leans)
         suspect |= changed
     paths, removed = _remove(paths, rules, suspect)
-    cut_only = not (large.any() or len(removed))
-    removed = np.concatenate([cut, removed])
-    if cut_only:
-        return StableSupports(supports, paths, removed)
-    return StableSupports(_drop_empty_areas(supports, paths, removed), paths, removed)
+    all_removed = np.concatenate([cut, removed])
+    if large.any() or len(removed):
+        supports = _drop_empty_areas(supports, paths, all_removed)
+    return StableSupports(supports, paths, all_removed)
 
 
 def _find_unsupported(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
