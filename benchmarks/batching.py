@@ -200,7 +200,7 @@ def _test_faults(tasks: Sequence[BatchTask], _rounds: int) -> None:
         stack.callback(thread.join)
         stack.callback(done.set)
         with open_workers(0, cluster.address, _LIMITS) as workers:
-            results = run_batch(tasks, workers, None, tell=lambda result: told.append(result.task))
+            results = run_batch(tasks, workers, None, tell=lambda result, **_: told.append(result.task))
     assert sorted(told) == sorted(task.name for task in tasks), "every part once"
     assert _list_digests(results) == local, "equal bytes"
     print(f"{len(tasks)} parts: each told once, bytes equal to the local run")

@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from printer_slicer.batching.manifest import Manifest, read_manifest
 from printer_slicer.batching.pool import describe_lost_process
@@ -17,7 +17,7 @@ from printer_slicer.values import replace
 if TYPE_CHECKING:
     from printer_slicer.batching.executors import Workers
 
-__all__ = ["Submit", "run_batch", "run_tasks"]
+__all__ = ["Submit", "Tell", "run_batch", "run_tasks"]
 
 Submit = Callable[[BatchTask], "Future[BatchResult]"]
 """Starts a task."""
@@ -76,13 +76,24 @@ def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool)
     return fail_task(task, problem)
 
 
+class Tell(Protocol):
+    """A function that is told each result."""
+
+    def __call__(self, result: BatchResult, *, is_kept: bool) -> None:
+        """Take a result; `is_kept` if it is that of an earlier run."""
+
+
+def _tell_nobody(result: BatchResult, *, is_kept: bool) -> None:
+    """Ignore a result."""
+
+
 def run_batch(
     tasks: Sequence[BatchTask],
     workers: Workers,
     folder: Path | None,
     *,
     resumes: bool = False,
-    tell: Callable[[BatchResult], None] = lambda _: None,
+    tell: Tell = _tell_nobody,
 ) -> tuple[BatchResult, ...]:
     """Run tasks, and note each result in the manifest of a folder.
 
@@ -91,7 +102,7 @@ def run_batch(
         workers: where they run.
         folder: for the files of G-code, and the manifest; None: the results contain the files.
         resumes: whether tasks that the manifest has, with unchanged files, are not run again.
-        tell: called with each result when it is there, also with those of an earlier run.
+        tell: called with each result when it is there.
 
     Returns:
         The result of each task, in the order of the tasks.
@@ -105,7 +116,7 @@ def run_batch(
     }
     manifest = Manifest(folder, found.values()) if folder is not None else None
     for result in found.values():
-        tell(result)
+        tell(result, is_kept=True)
     where = str(folder) if folder is not None and workers.share_disk else ""
     rest = [replace(task, folder=where) for task in tasks if task.name not in found]
     try:
@@ -114,7 +125,7 @@ def run_batch(
             if manifest is not None:
                 manifest.add(stored)
             found[result.task] = stored
-            tell(stored)
+            tell(stored, is_kept=False)
     finally:
         if manifest is not None:
             manifest.close()

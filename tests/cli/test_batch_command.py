@@ -112,6 +112,7 @@ def test_models_with_the_same_name_get_the_name_of_their_folder(tmp_path: Path) 
         (["--matrix", "quality=fine,draft", "--quality", "fine"], "--quality is given, too"),
         (["--report", "r.txt"], "--report r.txt: the name must end in .csv or .html"),
         (["--orient-keep-up", "20"], "has no effect without --orient"),
+        (["--report", "missing/r.html"], "the folder missing does not exist"),
         (["--cluster", "tcp://127.0.0.1:1"], "127.0.0.1:1"),
     ],
 )
@@ -120,6 +121,12 @@ def test_wrong_options_end_before_anything_is_sliced(tmp_path: Path, options: li
     assert outcome.code == 2
     assert said in outcome.err
     assert not list(tmp_path.glob("out/*.gcode"))
+
+
+def test_a_model_that_is_named_twice_is_rejected(tmp_path: Path) -> None:
+    outcome = typed("batch", BOX, BOX, "--output-dir", tmp_path)
+    assert outcome.code == 2
+    assert "is named 2 times" in outcome.err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")

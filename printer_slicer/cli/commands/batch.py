@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import monotonic
@@ -26,6 +27,7 @@ from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import Milestones, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts
 from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.saving import check_writable
 from printer_slicer.texts import format_duration, format_significant
 
 if TYPE_CHECKING:
@@ -148,12 +150,19 @@ def _check_options(arguments: argparse.Namespace) -> None:
     """Check options before anything is read.
 
     Raises:
-        UsageError: a report has another suffix, or an option has no effect.
+        UsageError: a report has another suffix, a model is named twice, or an option has no effect.
+        OutputError: a report cannot be written.
     """
     for path in arguments.report:
         if path.suffix.lower() not in _REPORTS:
             raise UsageError(
                 f"--report {path}: the name must end in .csv or .html", remedy=f"Name it {path.stem}.html"
+            )
+        check_writable(path)
+    for path, count in Counter(arguments.models).items():
+        if count > 1:
+            raise UsageError(
+                f"{path}: is named {count} times", remedy="Name each model once; for copies, use --copies N"
             )
     if arguments.orient_keep_up is not None and arguments.orient == "off":
         raise UsageError("--orient-keep-up: has no effect without --orient", remedy="Add --orient fast")
@@ -200,21 +209,23 @@ class _Progress:
         self._n_failed = 0
         self.n_done = 0
 
-    def add(self, result: BatchResult) -> None:
-        """Count a result."""
+    def add(self, result: BatchResult, *, is_kept: bool) -> None:
+        """Count a result; those that are kept from an earlier run take no time."""
         self.n_done += 1
         self._n_failed += bool(result.problem)
-        self._done_size += self._sizes[result.task]
+        self._kept_size += self._sizes[result.task] * is_kept
+        self._done_size += self._sizes[result.task] * (not is_kept)
         name = f"{result.task}: {result.problem or 'done'}" if self._is_verbose else ""
         self._report(name or self._describe())
         self._lines.report_if_due(self.n_done, len(self._sizes), self._describe)
 
     def _describe(self) -> str:
         """Return how many tasks are done, and how long the rest takes if they take as long per byte."""
-        seconds = monotonic() - self._began
-        left = seconds * (sum(self._sizes.values()) - self._done_size) / max(self._done_size, 1)
+        rest = sum(self._sizes.values()) - self._done_size - self._kept_size
+        seconds = (monotonic() - self._began) * rest / max(self._done_size, 1)
         failed = f", {self._n_failed} failed" if self._n_failed else ""
-        return f"{self.n_done} of {len(self._sizes)} sliced{failed}, about {format_duration(left)} left"
+        left = f", about {format_duration(seconds)} left" if rest and self._done_size else ""
+        return f"{self.n_done} of {len(self._sizes)} sliced{failed}{left}"
 
 
 def _write_reports(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
