@@ -616,7 +616,17 @@ ENGINE: Final = [
     for path in SOURCES
     if path.relative_to(PACKAGE).parts[0]
     # Rooms of the command line, and those that only its commands use.
-    not in {"cli", "doctor.py", "importing", "printing", "sending", "sim", "__main__.py"}
+    not in {
+        "cli",
+        "doctor.py",
+        "importing",
+        "print_queue",
+        "printing",
+        "sending",
+        "server",
+        "sim",
+        "__main__.py",
+    }
 ]
 
 
