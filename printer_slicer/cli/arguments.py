@@ -509,20 +509,21 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
     _add_file_reading_options(group)
 
 
-def add_transform_options(group: argparse._ArgumentGroup) -> None:
-    """Add --scale and --rotate."""
-    group.add_argument(
+def add_transform_options(group: argparse._ArgumentGroup) -> tuple[argparse.Action, argparse.Action]:
+    """Add --scale and --rotate; return them."""
+    scale = group.add_argument(
         "--scale",
         metavar="FACTOR",
         type=parse_scale,
         help="scale by a factor such as 2 or 50%%, or by X,Y,Z",
     )
-    group.add_argument(
+    rotate = group.add_argument(
         "--rotate",
         metavar="ANGLES",
         type=parse_angles,
         help="rotate by degrees about z, or X,Y,Z; after --scale",
     )
+    return scale, rotate
 
 
 def _add_orientation_options(group: argparse._ArgumentGroup, *, is_advanced: bool) -> None:

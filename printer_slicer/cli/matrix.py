@@ -24,7 +24,7 @@ def add_matrix_option(group: argparse._ActionsContainer, what: str) -> argparse.
         metavar="KEY=A,B",
         action="append",
         default=[],
-        help=f"{what} with each of these values of a setting, or of printer, material or quality; may be repeated",
+        help=f"{what} with each value of a setting; may be repeated",
     )
 
 

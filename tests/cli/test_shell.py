@@ -217,11 +217,11 @@ def test_a_pattern_without_files_is_told(tmp_path: Path) -> None:
 
 def test_a_pattern_for_one_file_must_mean_one(gcode: bytes, tmp_path: Path) -> None:
     (tmp_path / "one.gcode").write_bytes(gcode)
-    assert typed("check", "*.gcode", cwd=tmp_path).code == 0
+    assert typed("draw", "*.gcode", cwd=tmp_path).code == 0
 
     (tmp_path / "two.gcode").write_bytes(gcode)
     assert is_message(
-        typed("check", "*.gcode", cwd=tmp_path), "*.gcode: matches 2 files, such as one.gcode and two.gcode"
+        typed("draw", "*.gcode", cwd=tmp_path), "*.gcode: matches 2 files, such as one.gcode and two.gcode"
     )
 
 

@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         action="append",
         default=[],
-        help="write a table as .csv, or a page with pictures as .html; may be repeated",
+        help="write a table (.csv) or a page (.html)",
     )
     add_output_options(parser, group)
     add_open_option(group)
@@ -95,7 +95,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_model_options(group: argparse._ArgumentGroup) -> None:
     """Add the options for units, size and orientation of the models."""
-    add_transform_options(group)
     group.add_argument(
         "--orient",
         choices=("off", "fast", "careful"),
@@ -104,8 +103,12 @@ def _add_model_options(group: argparse._ArgumentGroup) -> None:
         help="turn each part to print well: off, fast or careful",
     )
     mark_advanced(add_keep_up_option(group, "--orient-keep-up"))
-    group.add_argument(
-        "--copies", metavar="N", type=parse_copies, default=1, help="print N copies of each model"
+    for action in add_transform_options(group):
+        mark_advanced(action)
+    mark_advanced(
+        group.add_argument(
+            "--copies", metavar="N", type=parse_copies, default=1, help="print N copies of each model"
+        )
     )
     mark_advanced(add_units_option(group))
 
