@@ -29,10 +29,10 @@ import printer_slicer as ps
 from benchmarks.functional_parts import PARTS, write_parts
 from benchmarks.processes import SAMPLES, WORK, machine_note
 from printer_slicer.batching.executors import open_workers
-from printer_slicer.batching.pool import ProcessLimits
 from printer_slicer.batching.running import run_batch
 from printer_slicer.batching.slicing import slice_task
 from printer_slicer.batching.tasks import BatchResult, BatchTask, Combination, list_tasks
+from printer_slicer.process_limits import ProcessLimits
 
 _SCALES: Final = (1.0, 0.8, 0.9, 1.1)
 _REAL: Final = ("bp_case.stl", "crazyradio.stl", "ringing_tower.stl", "benchy.stl")

@@ -12,10 +12,10 @@ from typing import Any, Final
 from printer_slicer.arguments import PATH, check_argument, check_arguments
 from printer_slicer.batching.executors import Workers, count_processors, open_workers, use_executor
 from printer_slicer.batching.matrix import combine_choices
-from printer_slicer.batching.pool import ProcessLimits
 from printer_slicer.batching.running import run_batch
 from printer_slicer.batching.tasks import BatchResult, BatchTask, Combination, list_tasks
 from printer_slicer.errors import UsageError
+from printer_slicer.process_limits import ProcessLimits
 from printer_slicer.profile import KINDS
 from printer_slicer.saving import make_folder
 from printer_slicer.slice_jobs import load_slice_profile

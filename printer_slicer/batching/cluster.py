@@ -13,9 +13,10 @@ from threading import Event
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
-from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits, slice_and_report
+from printer_slicer.batching.pool import ProcessExecutor, slice_and_report
 from printer_slicer.batching.tasks import BatchResult, BatchTask
 from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.process_limits import ProcessLimits
 from printer_slicer.values import replace
 from printer_slicer.version import VERSION
 

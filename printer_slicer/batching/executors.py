@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Final, NamedTuple
 
-from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits, slice_and_report
+from printer_slicer.batching.pool import ProcessExecutor, slice_and_report
 from printer_slicer.batching.running import Submit
 from printer_slicer.batching.tasks import BatchResult, BatchTask
+from printer_slicer.process_limits import ProcessLimits
 from printer_slicer.values import replace
 
 __all__ = ["Workers", "count_processors", "open_workers", "use_executor"]

@@ -12,7 +12,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.freed_memory import keep_freed_memory
-from printer_slicer.values import Struct
+from printer_slicer.process_limits import ProcessLimits, limit_process
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from printer_slicer.batching.tasks import BatchResult, BatchTask
 
-__all__ = ["ProcessExecutor", "ProcessLimits", "describe_lost_process", "slice_and_report"]
+__all__ = ["ProcessExecutor", "describe_lost_process", "slice_and_report"]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _MAX_STAGE: Final = (
@@ -29,20 +29,6 @@ _MAX_STAGE: Final = (
 )
 _stages: Connection | None = None
 """In a process of the pool: where it tells its stages."""
-
-
-class ProcessLimits(Struct, frozen=True):
-    """Limits of each process.
-
-    Attributes:
-        max_seconds: time after which a task is stopped.
-        max_bytes: address space; on Linux only.
-        niceness: how much other processes go first; on POSIX only.
-    """
-
-    max_seconds: float = 3600.0
-    max_bytes: int = 8 << 30
-    niceness: int = 0
 
 
 _USUAL: Final = ProcessLimits()
@@ -69,7 +55,7 @@ class ProcessExecutor(Executor):
         from pebble import ProcessPool  # noqa: PLC0415 - slow
 
         context = get_context("spawn")
-        self.n_processes, self._limits = n_processes, limits
+        self._limits = limits
         self._reader: Connection | None = None
         self._writer: Connection | None = None
         if tell_stage is not None:
@@ -113,13 +99,7 @@ def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
         signal.SIGINT, signal.SIG_IGN
     )  # Ctrl-C reaches all processes, and the first one ends the others
     keep_freed_memory()
-    if os.name != "posix":
-        return
-    import resource  # noqa: PLC0415 - only on POSIX
-
-    with suppress(OSError, ValueError):
-        os.nice(limits.niceness)
-        resource.setrlimit(resource.RLIMIT_AS, (limits.max_bytes, limits.max_bytes))
+    limit_process(limits)
 
 
 def slice_and_report(task: BatchTask) -> BatchResult:

@@ -20,12 +20,12 @@ from threading import Lock
 from time import time
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from printer_slicer.batching.pool import ProcessExecutor, ProcessLimits
+from printer_slicer.batching.pool import ProcessExecutor
 from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.input_files import read_pieces
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.print_queue.records import clean_name
-from printer_slicer.server.workers import MAX_BYTES, MAX_SECONDS, NICENESS, FileReader
+from printer_slicer.server.workers import LIMITS, FileReader
 from printer_slicer.values import Struct, replace
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf",
 SliceCommand = Literal["slice", "plan"]
 
 _DAY: Final = 86400.0  # s
-_LIMITS: Final = ProcessLimits(MAX_SECONDS, MAX_BYTES, NICENESS)
 _MAX_TASKS: Final = 100  # tasks that are remembered
 _KEY: Final = re.compile(r"[a-z][a-z0-9_.]{0,60}")
 _PROFILE_NAME: Final = re.compile(r"[A-Za-z0-9](?!.*\.toml$)[\w .+-]{0,79}")
@@ -252,7 +251,7 @@ class Slicer:
         file = replace(read_task_model(model), name=name)
         upload = UploadedModel(task, file, names, request.settings, request.copies, str(output))
         if self._executor is None:
-            self._executor = ProcessExecutor(1, _LIMITS, self._note_stage)
+            self._executor = ProcessExecutor(1, LIMITS, self._note_stage)
         future = self._executor.submit(slice_upload, upload)
         with self._lock:
             self._futures[task] = future

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,16 +20,17 @@ from typing import TYPE_CHECKING, Any, Final
 from printer_slicer.errors import UsageError
 from printer_slicer.print_queue import FileFacts, PrintQueue
 from printer_slicer.print_queue.file_facts import format_facts, parse_facts, read_file_facts
+from printer_slicer.process_limits import ProcessLimits, limit_process
 from printer_slicer.saving import save
 
 if TYPE_CHECKING:
     from printer_slicer.preview import Preview
 
-__all__ = ["MAX_BYTES", "MAX_SECONDS", "NICENESS", "FileReader", "limit_process"]
+__all__ = ["LIMITS", "FileReader"]
 
-MAX_SECONDS: Final = 900
-MAX_BYTES: Final = 6 << 30
-NICENESS: Final = 10
+LIMITS: Final = ProcessLimits(max_seconds=900, max_bytes=6 << 30, niceness=10)
+"""Limits of the processes that read and slice uploaded files."""
+
 _INTERRUPTIONS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 _PREVIEW_ENDING: Final = "preview1.gz"  # with the number of the format
 
@@ -141,9 +140,9 @@ def _wait_for(command: list[str]) -> str:
     """
     nothing = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     try:
-        subprocess.run(command, timeout=2 * MAX_SECONDS, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
+        subprocess.run(command, timeout=2 * LIMITS.max_seconds, check=True, **nothing)  # type: ignore[call-overload]  # noqa: S603 - no shell
     except subprocess.TimeoutExpired:
-        return f"reading the file took over {2 * MAX_SECONDS} s"
+        return f"reading the file took over {2 * LIMITS.max_seconds:g} s"
     except subprocess.CalledProcessError as error:
         if -error.returncode in _INTERRUPTIONS:
             raise UsageError("reading the file was interrupted", remedy="Try again") from None
@@ -174,19 +173,7 @@ def _make_content(what: str, path: Path, name: str) -> bytes:
     return gzip.compress(encode_preview(preview), 9, mtime=0)
 
 
-def limit_process() -> None:
-    """Limit time and memory of this process, and let all others go first."""
-    if os.name != "posix":
-        return
-    import resource  # noqa: PLC0415 - only on POSIX
-
-    with suppress(OSError, ValueError):
-        os.nice(NICENESS)
-        resource.setrlimit(resource.RLIMIT_CPU, (MAX_SECONDS, MAX_SECONDS))
-        resource.setrlimit(resource.RLIMIT_AS, (MAX_BYTES, MAX_BYTES))
-
-
 if __name__ == "__main__":
-    limit_process()
+    limit_process(LIMITS, limits_cpu=True)
     _, wanted, source, shown_name, target = sys.argv
     Path(target).write_bytes(_make_content(wanted, Path(source), shown_name))

@@ -16,10 +16,10 @@ import pytest
 import printer_slicer as ps
 from printer_slicer.batching import cluster
 from printer_slicer.batching.executors import open_workers
-from printer_slicer.batching.pool import ProcessLimits
 from printer_slicer.batching.running import run_batch
 from printer_slicer.batching.tasks import Combination, list_tasks
 from printer_slicer.errors import UsageError
+from printer_slicer.process_limits import ProcessLimits
 from tests.parts import box
 
 

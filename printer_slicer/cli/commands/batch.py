@@ -116,8 +116,8 @@ def _add_model_options(group: argparse._ArgumentGroup) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Slice all models with all combinations of settings."""
     from printer_slicer.batching.executors import count_processors, open_workers
-    from printer_slicer.batching.pool import ProcessLimits
     from printer_slicer.batching.running import run_batch
+    from printer_slicer.process_limits import ProcessLimits
     from printer_slicer.process_lock import ProcessLock
     from printer_slicer.saving import make_folder
 
