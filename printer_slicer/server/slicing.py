@@ -279,7 +279,7 @@ class Slicer:
             return future.result()
         except PrinterSlicerError as error:
             problem = str(error)
-        except (CancelledError, TimeoutError, RuntimeError):
+        except (CancelledError, OSError):  # also if it took too long, or its process was killed
             problem = "the model needs more time or memory than allowed"
         return BatchResult("", "", "", "", problem=problem)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from concurrent.futures import Future
 from pathlib import Path
 from threading import Event
 from time import time
@@ -11,8 +12,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pebble import ProcessExpired
 
 import printer_slicer as ps
+from printer_slicer.batching.pool import ProcessExecutor
+from printer_slicer.batching.tasks import BatchResult
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.server.slicing import Slicer
 from printer_slicer.server.workers import FileReader
@@ -156,3 +160,19 @@ def test_a_model_is_rejected_when_the_disk_is_nearly_full(
     answer = server.post("/v1/slices", **form(("printer", None, b"left"), ("file", "x.stl", b"solid")))
     assert (answer.status_code, "are free" in answer.text) == (422, True)
     assert list((queue.folder / "models").iterdir()) == []
+
+
+def test_a_process_that_was_killed_is_no_fault_of_the_server(
+    server: ServerClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lose(*_: object) -> Future[BatchResult]:
+        future: Future[BatchResult] = Future()
+        future.set_exception(ProcessExpired("Abnormal termination", code=-9))
+        return future
+
+    monkeypatch.setattr(ProcessExecutor, "submit", lose)
+    sent = form(("printer", None, b"left"), ("file", "a.stl", model(tmp_path)))
+    task = wait_for_end(server, server.post("/v1/slices", **sent).json()["id"])
+
+    assert task["state"] == "failed"
+    assert task["message"] == "the model needs more time or memory than allowed"
