@@ -13,8 +13,14 @@ if TYPE_CHECKING:
     from printer_slicer.importing.projects import Project
     from printer_slicer.model import Mesh
 
-__all__ = ["AppliedProjects", "apply_project_settings", "list_unused_model_warnings"]
+__all__ = [
+    "AppliedProjects",
+    "apply_project_settings",
+    "chooses_layer_height",
+    "list_unused_model_warnings",
+]
 
+_LAYER_HEIGHT_KEYS = ("layer_height", "planner.kind")
 _ZIP_SIGNATURE = b"PK"
 
 
@@ -30,6 +36,11 @@ class AppliedProjects(NamedTuple):
     profile: Profile
     used: Mapping[Path, tuple[str, ...]]
     warnings: tuple[str, ...]
+
+
+def chooses_layer_height(keys: Iterable[str]) -> bool:
+    """Return whether changes of settings with these keys choose a layer height or a planner."""
+    return any(key.endswith(_LAYER_HEIGHT_KEYS) for key in keys)
 
 
 def apply_project_settings(
@@ -48,7 +59,7 @@ def apply_project_settings(
         paths: model files; other formats and pipes are not read.
         mesh: the mesh, with the objects to print.
         names: further objects and modifiers whose settings are used.
-        keeps_layer_height: whether layer heights of the projects are ignored.
+        keeps_layer_height: whether layer heights of the projects are ignored, such as after `chooses_layer_height`.
         has_quality: whether the user chose a quality, so that nobody expects the settings of the project itself.
 
     Raises:

@@ -17,6 +17,7 @@ from printer_slicer.batching.tasks import BatchResult, BatchTask, Combination, l
 from printer_slicer.errors import UsageError
 from printer_slicer.process_limits import ProcessLimits
 from printer_slicer.profile import KINDS
+from printer_slicer.project_settings import chooses_layer_height
 from printer_slicer.saving import make_folder
 from printer_slicer.slice_jobs import load_slice_profile
 
@@ -92,6 +93,6 @@ def _combine(settings: Mapping[str, object], chosen: Mapping[str, object]) -> Co
     own = {**settings, **chosen}
     names: dict[str, Any] = {kind: own.pop(kind, None) for kind in KINDS}
     profile, _ = load_slice_profile(own, **names)
-    keeps = any(key in own for key in ("layer_height", "planner"))
+    keeps = "planner" in own or chooses_layer_height(key.replace("__", ".") for key in own)
     texts = {key: str(value) for key, value in chosen.items()}
     return Combination(texts, profile, keeps, names["quality"] is not None)

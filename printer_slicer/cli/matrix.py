@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from printer_slicer.cli.settings import collect_changes, load_selected_profile
 from printer_slicer.errors import ProfileError, UsageError
+from printer_slicer.profile import KINDS
 
 if TYPE_CHECKING:
     from printer_slicer.batching.tasks import Combination
 
 __all__ = ["add_matrix_option", "load_combinations"]
-
-_KINDS = ("printer", "material", "quality")
 
 
 def add_matrix_option(group: argparse._ActionsContainer, what: str) -> argparse.Action:
@@ -41,7 +40,7 @@ def load_combinations(arguments: argparse.Namespace) -> list[Combination]:
         combinations = combine_choices(choices)
     except UsageError as error:
         raise UsageError(f"--matrix {error.args[0]}", remedy=error.remedy) from None
-    for kind in _KINDS:
+    for kind in KINDS:
         if kind in choices and getattr(arguments, kind, None) is not None:
             raise UsageError(f"--matrix {kind}: --{kind} is given, too", remedy=f"Leave out --{kind}")
     return [_load(arguments, chosen, tell=at == 0) for at, chosen in enumerate(combinations)]
@@ -50,10 +49,11 @@ def load_combinations(arguments: argparse.Namespace) -> list[Combination]:
 def _load(arguments: argparse.Namespace, choices: Mapping[str, str], *, tell: bool) -> Combination:
     """Load the profile of one combination."""
     from printer_slicer.batching.tasks import Combination
+    from printer_slicer.project_settings import chooses_layer_height
 
     own = argparse.Namespace(**vars(arguments))
-    own.set = [*arguments.set, *(f"{key}={value}" for key, value in choices.items() if key not in _KINDS)]
-    for kind in _KINDS:
+    own.set = [*arguments.set, *(f"{key}={value}" for key, value in choices.items() if key not in KINDS)]
+    for kind in KINDS:
         setattr(own, kind, choices.get(kind, getattr(arguments, kind, None)))
     try:
         profile = load_selected_profile(own, tell=tell)
@@ -63,6 +63,5 @@ def _load(arguments: argparse.Namespace, choices: Mapping[str, str], *, tell: bo
         raise UsageError(f"{where}{error.args[0]}", remedy=error.remedy) from None
     if tell:
         arguments.profile_facts = own.profile_facts
-    changed = collect_changes(own)
-    keeps = any(key.endswith(("layer_height", "planner.kind")) for key in changed)
+    keeps = chooses_layer_height(collect_changes(own))
     return Combination(choices, profile, keeps, own.quality is not None)

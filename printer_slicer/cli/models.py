@@ -445,10 +445,13 @@ def apply_projects(
     Raises:
         UsageError: a project is damaged, or its settings contradict the profile.
     """
-    from printer_slicer.project_settings import apply_project_settings, list_unused_model_warnings
+    from printer_slicer.project_settings import (
+        apply_project_settings,
+        chooses_layer_height,
+        list_unused_model_warnings,
+    )
 
-    typed = collect_changes(arguments)
-    has_height = any(key.endswith(("layer_height", "planner.kind")) for key in typed)
+    has_height = chooses_layer_height(collect_changes(arguments))
     applied = apply_project_settings(
         profile,
         arguments.models,

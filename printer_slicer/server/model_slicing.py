@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from printer_slicer.batching.pool import slice_and_report
 from printer_slicer.batching.tasks import BatchResult, BatchTask, ModelOptions, TaskModel
+from printer_slicer.project_settings import chooses_layer_height
 from printer_slicer.values import Struct
 
 __all__ = ["UploadedModel", "slice_upload"]
@@ -41,13 +42,12 @@ def slice_upload(upload: UploadedModel) -> BatchResult:
 
     printer, material, quality = (upload.names.get(kind) for kind in ("printer", "material", "quality"))
     profile = load_profile(printer, material, quality, changes=upload.settings)
-    heights = ("layer_height", "planner.kind")
     task = BatchTask(
         upload.task,
         upload.model,
         profile,
         ModelOptions(copies=upload.copies),
-        keeps_layer_height=any(key.endswith(heights) for key in upload.settings),
+        keeps_layer_height=chooses_layer_height(upload.settings),
         has_quality="quality" in upload.names,
         folder=upload.folder,
     )
