@@ -17,7 +17,7 @@ from printer_slicer.model import Mesh, PlateObject
 from printer_slicer.surface.top_view import project_in_tiles
 from printer_slicer.values import replace
 
-__all__ = ["Overlap", "find_collisions", "find_overlaps", "split_separate_objects"]
+__all__ = ["Overlap", "find_collisions", "find_overlaps", "name_parts", "split_separate_objects"]
 
 _LEAST: Final = 0.01  # mm: smaller overlaps are rounding errors
 _SHARED: Final = 0.1  # mm: objects that are modelled to touch may overlap by this much
@@ -115,6 +115,11 @@ def split_separate_objects(mesh: Mesh) -> list[Mesh]:
         for one in dict.fromkeys(group)
     ]
     return [_extract_objects(mesh, items) for items in members] if len(members) > 1 else [mesh]
+
+
+def name_parts(file: str, parts: Sequence[Mesh]) -> list[str]:
+    """Return the names of the parts of a file for messages: that of the file, if it is only one."""
+    return [file] if len(parts) == 1 else [f"{file}, {part.name}" for part in parts]
 
 
 def _extract_objects(mesh: Mesh, items: Sequence[PlateObject]) -> Mesh:

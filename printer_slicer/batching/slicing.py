@@ -25,7 +25,7 @@ from printer_slicer.mesh_io import Model, load_model
 from printer_slicer.model import Mesh
 from printer_slicer.orientation import find_orientations
 from printer_slicer.orienting import turn_mesh
-from printer_slicer.overlaps import split_separate_objects
+from printer_slicer.overlaps import name_parts, split_separate_objects
 from printer_slicer.pipeline import slice_for_output
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, transform
 from printer_slicer.plates import arrange
@@ -118,13 +118,12 @@ def _transform(model: Model, task: BatchTask, report: Report) -> tuple[list[Mesh
         return [mesh], []
     turned, comments = list[Mesh](), list[str]()
     parts = split_separate_objects(mesh)
-    for part in parts:
+    for part, name in zip(parts, name_parts(task.model.name, parts), strict=True):
         found = find_orientations(
             part, task.profile, search=options.orient, keep_up=options.keep_up, report=report
         )
         turned.append(turn_mesh(part, found.chosen.rotate))
-        name = task.model.name if len(parts) == 1 else f"{task.model.name}, {part.name}"
-        comments.append(f"{name}: {found.chosen.describe_rotation()} (orient: {options.orient})")
+        comments.append(found.chosen.format_comment(name, options.orient))
     return turned, comments
 
 

@@ -49,18 +49,18 @@ def turn_models(
         return TurnedModels(parts)
     from printer_slicer.orientation import KEEP_ANY, find_orientations
     from printer_slicer.orienting import turn_mesh
+    from printer_slicer.overlaps import name_parts
 
     keep_up = KEEP_ANY if arguments.orient_keep_up is None else arguments.orient_keep_up
     turned: dict[Path, list[Mesh]] = {path: [] for path in parts}
     facts, comments = [], []
     for path, meshes in parts.items():
-        for mesh in meshes:
-            name = path.name if len(meshes) == 1 else f"{path.name}, {mesh.name}"
+        for mesh, name in zip(meshes, name_parts(path.name, meshes), strict=True):
             found = find_orientations(mesh, profile, search=how, keep_up=keep_up, report=report)
             row = choose_row(found, arguments.orient_row)
             turned[path].append(turn_mesh(mesh, row.rotate))
             facts.append({"file": str(path), "part": mesh.name, **collect_row_facts(row)})
-            comments.append(f"{name}: {row.describe_rotation()} (orient: {how})")
+            comments.append(row.format_comment(name, how))
             if not arguments.quiet:
                 text = f"printer-slicer: {name}: {_describe(row, found, is_chosen=row is found.chosen)}"
                 print(sanitize(text), file=sys.stderr)

@@ -66,6 +66,10 @@ class Orientation(Struct, frozen=True):
             "not rotated" if self.is_original else f"rotated by {self.format_rotate()} degrees about x, y, z"
         )
 
+    def format_comment(self, name: str, search: str) -> str:
+        """Return how a part was rotated by a search, for the head of the G-code."""
+        return f"{name}: {self.describe_rotation()} (orient: {search})"
+
 
 class Orientations(Struct, frozen=True):
     """Orientations of a part, best first; those that are not usable come last.

@@ -91,7 +91,7 @@ def _compare_orientations(
     """Yield the orientations of each part of a file."""
     from printer_slicer.mesh_io import load_model
     from printer_slicer.orientation import KEEP_ANY, find_orientations
-    from printer_slicer.overlaps import split_separate_objects
+    from printer_slicer.overlaps import name_parts, split_separate_objects
     from printer_slicer.placing import transform
 
     report(f"loading {path.name}")
@@ -103,8 +103,7 @@ def _compare_orientations(
     parts = split_separate_objects(
         transform(model.mesh, scale=scale, rotate=arguments.rotate or (0.0, 0.0, 0.0))
     )
-    for part in parts:
-        title = path.name if len(parts) == 1 else f"{path.name}, {part.name}"
+    for part, title in zip(parts, name_parts(path.name, parts), strict=True):
         found = find_orientations(part, profile, search=search, keep_up=keep_up, report=report)
         yield _Table(path, part.name, title, found)
 
