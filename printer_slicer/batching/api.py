@@ -40,7 +40,7 @@ def batch(
 
         results = ps.batch(["lid.stl", "box.stl"], {"quality": ["draft", "fine"], "perimeters": 3}, output_dir="gcode")
         for one in results:
-            print(one.task, one.problem or one.add("seconds"))
+            print(one.task, one.problem or one.total("seconds"))
 
     Processes that are started afresh import the main module of the program, so a script calls this under
     `if __name__ == "__main__":`.

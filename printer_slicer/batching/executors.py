@@ -28,13 +28,11 @@ class Workers(NamedTuple):
         submit: starts a task.
         n_pending: how many tasks are submitted at the same time.
         share_disk: whether workers write into the folder of the batch themselves.
-        n_tasks: how many tasks run at the same time.
     """
 
     submit: Submit
     n_pending: int
     share_disk: bool
-    n_tasks: int
 
 
 def count_processors() -> int:
@@ -60,12 +58,11 @@ def open_workers(n_processes: int, cluster: str, limits: ProcessLimits) -> Itera
 
         remote = ClusterExecutor(cluster, limits)
         executor: Executor = remote
-        count = max(remote.n_threads, 1)
-        workers = Workers(remote.submit_task, _PER_WORKER * count, False, count)
+        workers = Workers(remote.submit_task, _PER_WORKER * max(remote.n_threads, 1), False)
     else:
         executor = ProcessExecutor(n_processes, limits)
         submit = partial(executor.submit, slice_and_report)
-        workers = Workers(submit, _PER_WORKER * n_processes, True, n_processes)
+        workers = Workers(submit, _PER_WORKER * n_processes, True)
     try:
         yield workers
     except BaseException:
@@ -91,4 +88,4 @@ def use_executor(executor: Executor) -> Workers:
         return executor.submit(slice_task, task)
 
     n_pending = _PER_WORKER * count if isinstance(count, int) else _UNKNOWN
-    return Workers(submit, n_pending, is_local, count if isinstance(count, int) else 1)
+    return Workers(submit, n_pending, is_local)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from printer_slicer.errors import UsageError
 
-__all__ = ["combine_choices", "find_unbeaten_rows", "name_choices", "parse_choices"]
+__all__ = ["COMPARED", "combine_choices", "find_unbeaten_rows", "name_choices", "parse_choices"]
+
+COMPARED: Final = ("seconds", "max_error_mm", "volume_error_mm3")
+"""Facts of which a plan should have little: print time, certified deviation and volume error."""
 
 _Value = TypeVar("_Value")
 _MAX_COMBINATIONS: Final = 10_000
@@ -59,12 +62,13 @@ def name_choices(choices: Mapping[str, str]) -> str:
     return "-".join(_UNSAFE.sub("_", f"{key.rpartition('.')[2]}-{value}") for key, value in choices.items())
 
 
-def find_unbeaten_rows(rows: Sequence[Sequence[float]]) -> list[bool]:
-    """Return for each row whether no other row is at least as small in all columns and smaller in one."""
+def find_unbeaten_rows(rows: Sequence[Mapping[str, Any]]) -> list[bool]:
+    """Return for each row whether no other row is at least as small in all of `COMPARED`, and smaller in one."""
+    figures = [tuple(row[name] for name in COMPARED) for row in rows]
     return [
         not any(
-            other != row and all(theirs <= own for theirs, own in zip(other, row, strict=True))
-            for other in map(tuple, rows)
+            other != own and all(theirs <= mine for theirs, mine in zip(other, own, strict=True))
+            for other in figures
         )
-        for row in map(tuple, rows)
+        for own in figures
     ]

@@ -28,9 +28,9 @@ def collect_row(result: BatchResult) -> dict[str, Any]:
         "part": result.model,
         **result.choices,
         "status": "done" if is_done else "failed",
-        "seconds": round(result.add("seconds"), 1) if is_done else None,
-        "filament_g": round(result.add("filament_g"), 2) if is_done else None,
-        "layers": int(result.add("layers")) if is_done else None,
+        "seconds": round(result.total("seconds"), 1) if is_done else None,
+        "filament_g": round(result.total("filament_g"), 2) if is_done else None,
+        "layers": int(result.total("layers")) if is_done else None,
         "max_error_mm": result.find_largest("max_error_mm") if is_done else None,
         "volume_error_mm3": round(
             sum(one.facts["certificate"]["volume_error_mm3"] for one in result.files), 2
@@ -47,12 +47,15 @@ def collect_row(result: BatchResult) -> dict[str, Any]:
 
 def mark_best_rows(results: Sequence[BatchResult]) -> list[bool]:
     """Return for each result whether no other one of the same model has less time, error and volume error."""
+    places: dict[str, list[int]] = {}
+    for at, one in enumerate(results):
+        if not one.problem:
+            places.setdefault(one.model_sha256, []).append(at)
     best = [False] * len(results)
-    for model in {one.model_sha256 for one in results}:
-        places = [at for at, one in enumerate(results) if one.model_sha256 == model and not one.problem]
-        rows = [collect_row(results[at]) for at in places]
-        figures = [[row["seconds"], row["max_error_mm"], row["volume_error_mm3"]] for row in rows]
-        for at, is_best in zip(places, find_unbeaten_rows(figures), strict=True):
+    for own in places.values():
+        for at, is_best in zip(
+            own, find_unbeaten_rows([collect_row(results[at]) for at in own]), strict=True
+        ):
             best[at] = is_best
     return best
 

@@ -112,7 +112,7 @@ def run_batch(
     """
     kept = read_manifest(folder) if folder is not None and resumes else {}
     found = {
-        task.name: kept[task.key] for task in tasks if task.key in kept and kept[task.key].task == task.name
+        task.name: one for task in tasks if kept and (one := kept.get(task.key)) and one.task == task.name
     }
     manifest = Manifest(folder, found.values()) if folder is not None else None
     for result in found.values():

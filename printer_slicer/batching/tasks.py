@@ -12,6 +12,7 @@ from zlib import decompress
 
 from printer_slicer.batching.matrix import name_choices
 from printer_slicer.errors import UsageError
+from printer_slicer.input_files import read_pieces
 from printer_slicer.profile import Profile, settings_as_dict
 from printer_slicer.values import Struct, as_dict
 from printer_slicer.version import VERSION
@@ -27,8 +28,6 @@ __all__ = [
     "list_tasks",
     "read_task_model",
 ]
-
-_BLOCK: Final = 1 << 20  # bytes that are read at a time
 
 
 class TaskModel(Struct, frozen=True):
@@ -68,12 +67,11 @@ def read_task_model(path: Path, *, keeps_content: bool = False) -> TaskModel:
     """
     digest, pieces, size = sha256(), list[bytes](), 0
     try:
-        with path.open("rb") as file:
-            while piece := file.read(_BLOCK):
-                digest.update(piece)
-                size += len(piece)
-                if keeps_content:
-                    pieces.append(piece)
+        for piece in read_pieces(path):
+            digest.update(piece)
+            size += len(piece)
+            if keeps_content:
+                pieces.append(piece)
     except OSError as error:
         raise UsageError(f"{path}: {error.strerror or error}", remedy="Check the path") from None
     where = "" if keeps_content else str(path.absolute())
@@ -196,7 +194,7 @@ class BatchResult(Struct, frozen=True):
     seconds: float = 0.0
     picture: bytes = b""
 
-    def add(self, fact: str) -> float:
+    def total(self, fact: str) -> float:
         """Return the sum of a fact over all plates, such as `seconds`."""
         return float(sum(one.facts[fact] for one in self.files))
 

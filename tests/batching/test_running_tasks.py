@@ -117,7 +117,7 @@ class Writing:
             future.set_result(slicing(task, self.folder))
             return future
 
-        return Workers(submit, 2, True, 1)
+        return Workers(submit, 2, True)
 
 
 def test_a_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
@@ -148,6 +148,6 @@ def test_other_settings_are_sliced_again(tmp_path: Path, resumes: bool) -> None:
 
 def test_failed_tasks_are_tried_again(tmp_path: Path) -> None:
     run = Fates({"a": ["late"]})
-    workers = Workers(run.submit, 1, True, 1)
+    workers = Workers(run.submit, 1, True)
     assert run_batch([make_task("a")], workers, tmp_path)[0].problem
     assert not run_batch([make_task("a")], workers, tmp_path, resumes=True)[0].problem

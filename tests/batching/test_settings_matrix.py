@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from printer_slicer.batching.matrix import (
+    COMPARED,
     combine_choices,
     find_unbeaten_rows,
     name_choices,
@@ -53,7 +54,7 @@ def test_a_combination_is_a_safe_part_of_a_file_name() -> None:
 def test_a_row_is_beaten_exactly_if_another_is_nowhere_larger_and_somewhere_smaller(
     rows: list[tuple[int, int, int]],
 ) -> None:
-    marks = find_unbeaten_rows(rows)
+    marks = find_unbeaten_rows([dict(zip(COMPARED, row, strict=True)) for row in rows])
 
     for row, is_best in zip(rows, marks, strict=True):
         beaten = [

@@ -252,24 +252,24 @@ def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]
         collect_row(one) | ({"best": mark} if has_choices else {})
         for one, mark in zip(results, best, strict=True)
     ]
-    failed = [one for one in results if one.problem]
+    n_failed = sum(bool(one.problem) for one in results)
     if arguments.json:
         facts: dict[str, Any] = {
             "output_dir": str(arguments.output_dir),
             "tasks": rows,
-            "failed": len(failed),
+            "failed": n_failed,
         }
         print(json.dumps(facts | collect_profile_facts(arguments)))
         return
     width = max(len(one.task) for one in results)
-    shown = [one for one, _ in zip(range(len(results)), range(_MOST_SHOWN), strict=False)]
-    lines = [_format_row(results[at], rows[at], width, is_best=best[at]) for at in shown]
-    if len(results) > len(shown):
-        lines.append(f"... and {len(results) - len(shown)} more; --report FILE.html lists all")
-        lines += [f"{one.task}: failed: {one.problem}" for one in failed if one not in results[:_MOST_SHOWN]]
+    table = list(zip(results, rows, best, strict=True))
+    lines = [_format_row(one, row, width, is_best=mark) for one, row, mark in table[:_MOST_SHOWN]]
+    if len(table) > _MOST_SHOWN:
+        lines.append(f"... and {len(table) - _MOST_SHOWN} more; --report FILE.html lists all")
+        lines += [f"{one.task}: failed: {one.problem}" for one in results[_MOST_SHOWN:] if one.problem]
     if has_choices:
         lines.append("*: no other row of this part has less print time, deviation and volume error")
-    lines.append(f"{arguments.output_dir}: {len(results) - len(failed)} of {len(results)} sliced")
+    lines.append(f"{arguments.output_dir}: {len(results) - n_failed} of {len(results)} sliced")
     print_text(arguments, "\n".join(lines))
 
 

@@ -167,8 +167,7 @@ def _run_matrix(arguments: argparse.Namespace) -> int:
             part = place(mesh, profile.printer, plate.placement)
             row = _measure_plan(part, profile, plan_objects(part, profile))
             rows.append({"plan": name, "choices": dict(one.choices), **row})
-    figures = [[row["seconds"], row["max_error_mm"], row["volume_error_mm3"]] for row in rows]
-    rows = [row | {"best": mark} for row, mark in zip(rows, find_unbeaten_rows(figures), strict=True)]
+    rows = [row | {"best": mark} for row, mark in zip(rows, find_unbeaten_rows(rows), strict=True)]
     if arguments.json:
         print(json.dumps({"plans": rows} | plate.collect_facts() | collect_profile_facts(arguments)))
     elif not arguments.quiet:
