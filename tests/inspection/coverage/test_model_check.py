@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode import write_gcode
 from printer_slicer.inspection.coverage.limits import CoverageLimits
@@ -27,6 +26,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
 from printer_slicer.roles import Role
 from tests.effort import examples
+from tests.inspection.coverage.changed_programs import without
 from tests.parts import box, box_with_hole, joined, plain, sphere
 from tests.test_values import arrays
 from tests.waiting import LAST_RESORT
@@ -42,17 +42,6 @@ def program() -> Program:
 
 def checked(made: Program, mesh: Mesh = PART, asked: CheckOptions | None = None) -> Check:
     return check_gcode(write_gcode(made, PROFILE), mesh, asked or CheckOptions())
-
-
-def without(made: Program, gone: Bool) -> Program:
-    """The program with some beads turned into travels; nothing is fed for them."""
-    return replace(
-        made,
-        role=np.where(gone, Role.TRAVEL, made.role),
-        filament=np.where(gone, 0.0, made.filament),
-        width=np.where(gone, 0.0, made.width),
-        height=np.where(gone, 0.0, made.height),
-    )
 
 
 def kinds_at(check: Check, layer: int) -> set[str]:

@@ -22,6 +22,7 @@ from printer_slicer.pipeline import slice_part
 from printer_slicer.placing import Placement
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
+from tests.inspection.coverage.changed_programs import without
 from tests.parts import box, cone, plain, sphere
 
 NAMES = ("box", "ball", "cone")
@@ -72,17 +73,6 @@ def layer_of(made: Program, k: int, share: float = 0.5) -> float:
     own = np.unique(made.z_top[laid & of_object(made, k)].round(6))
     alone = np.setdiff1d(own, made.z_top[laid & ~of_object(made, k)].round(6))
     return float(alone[np.abs(alone - share * own[-1]).argmin()])
-
-
-def without(made: Program, gone: Bool) -> Program:
-    """The program with some beads turned into travels; nothing is fed for them."""
-    return replace(
-        made,
-        role=np.where(gone, Role.TRAVEL, made.role),
-        filament=np.where(gone, 0.0, made.filament),
-        width=np.where(gone, 0.0, made.width),
-        height=np.where(gone, 0.0, made.height),
-    )
 
 
 def moved(made: Program, chosen: Bool, by: tuple[float, float, float]) -> Program:
