@@ -1,4 +1,4 @@
-"""Processes that slice, as an executor: a task that takes too long, or whose process ends, costs only this task."""
+"""An executor whose tasks run in separate processes: if one takes too long or is killed, only its task fails."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MAX_STAGE: Final = (
     200  # characters; what a process writes at once reaches the pipe undivided below 4096 bytes
 )
 _stages: Connection | None = None
-"""In a process of the pool: where it tells its stages."""
+"""In a process of the pool: the pipe to which it writes the names of its stages."""
 
 
 _USUAL: Final = ProcessLimits()

@@ -77,7 +77,7 @@ def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool)
 
 
 class Tell(Protocol):
-    """A function that is told each result."""
+    """A function that receives each result."""
 
     def __call__(self, result: BatchResult, *, is_kept: bool) -> None:
         """Take a result; `is_kept` if it is that of an earlier run."""

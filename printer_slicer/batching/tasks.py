@@ -1,4 +1,4 @@
-"""What a worker does: one model with one set of settings. What it returns: files of G-code and facts."""
+"""Tasks of a batch, each one model with one set of settings, and their results: G-code files and facts."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class SlicedFile(Struct, frozen=True):
 
 
 class BatchResult(Struct, frozen=True):
-    """What became of a task.
+    """The result of a task.
 
     Attributes:
         task: name of the task.

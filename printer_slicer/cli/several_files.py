@@ -69,7 +69,7 @@ def run_for_each_file(
 
 
 def _run_for_file(path: Path, run: Callable[[Path], int]) -> _FileResult:
-    """Run the command for a file, and read what it prints."""
+    """Run the command for a file, and parse its JSON output."""
     out, problem = StringIO(), ""
     try:
         with redirect_stdout(out):

@@ -55,6 +55,7 @@ def _list_facets(beads: Extrusions, colour: Float) -> RenderedFacets:
     """Return the facets of extrusions, which have colours (B, 3), 0 to 255."""
 
     def take(which: slice | Int) -> Float:
+        """Return the corners of some facets."""
         if isinstance(which, slice):
             which = np.arange(*which.indices(beads.n_beads * _FACETS_OF_PRISM))
         bead, facet = np.divmod(which, _FACETS_OF_PRISM)

@@ -98,6 +98,7 @@ def _remove_unsupported(
     known = (*supports.unsupported, *list_places_without_room(overhangs, plan))
 
     def check(*, leans: bool) -> PrintedSupports:
+        """Return the supports that stand, if added columns may lean or not."""
         standing = check_stability(supports, paths, overhangs, sections, profile, leans=leans)
         reasons = UnsupportedReasons(known, standing.removed)
         bare = list_unsupported_places(overhangs, standing.paths, sections, profile, reasons)

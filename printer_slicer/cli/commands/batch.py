@@ -199,7 +199,7 @@ def _list_tasks(arguments: argparse.Namespace, combinations: Sequence[Combinatio
 
 
 class _Progress:
-    """Counts results, and tells how many are done and how long the rest takes."""
+    """Counts results, and reports how many are done and how long the rest takes."""
 
     def __init__(
         self, arguments: argparse.Namespace, tasks: Sequence[BatchTask], report: Callable[[str], object]

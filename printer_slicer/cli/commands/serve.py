@@ -170,6 +170,7 @@ def _serve(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore
     )
 
     def announce() -> None:
+        """Tell where the server is, when it is ready."""
         once = "; the link works once, within 10 minutes" if listener.is_loopback else "; sign in with a key"
         ended = "the server and its prints" if arguments.demo else "the server, not the prints"
         print_text(arguments, f"serving at {link}{once}. Ctrl-C ends {ended}", is_message=False)
