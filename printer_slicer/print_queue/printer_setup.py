@@ -7,11 +7,11 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Final
 
-from printer_slicer.errors import OutputError, PortError, UsageError
+from printer_slicer.errors import PortError, UsageError
 from printer_slicer.firmware import FIRMWARES, match_flavour
 from printer_slicer.input_files import read_input
 from printer_slicer.print_queue.printers import PrinterEntry, parse_printers
-from printer_slicer.saving import save
+from printer_slicer.saving import make_folder, save
 from printer_slicer.toml_text import MOST_BYTES, TomlError, parse_toml
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def add_printer(path: Path, entry: PrinterEntry, *, check: bool = True) -> str:
         firmware = _read_firmware_name(entry.port, printer.baud)
         _check_firmware(firmware, printer.flavour, entry)
     lines = [f"[{entry.name}]", *(f"{key} = {json.dumps(value)}" for key, value in values.items()), ""]
-    _write_text(path, (f"{before.rstrip()}\n\n" if before.strip() else "") + "\n".join(lines))
+    make_folder(path.parent)
+    save(path, ((f"{before.rstrip()}\n\n" if before.strip() else "") + "\n".join(lines)).encode())
     return firmware
 
 
@@ -69,21 +70,6 @@ def _read_text(path: Path) -> str:
     except (OSError, ValueError, TomlError) as error:
         raise UsageError(f"{path}: cannot be read: {error}", remedy="Correct the file") from None
     return text
-
-
-def _write_text(path: Path, text: str) -> None:
-    """Write a file, and create its folder.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{path.parent}: cannot be created: {error.strerror}", remedy="Choose another --printers-file"
-        ) from None
-    save(path, text.encode())
 
 
 def _read_firmware_name(port: str, baud: int) -> str:
