@@ -232,10 +232,11 @@ def check_page(page: Page) -> None:
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
-    """Press the tab key until an element has the focus, which must be visible."""
+    """Wait for an element, then press the tab key until it has the focus, which must be visible."""
+    wanted.wait_for(state="attached")
     for _ in range(80):
         page.keyboard.press("Tab")
-        if wanted.count() and wanted.evaluate("one => one === document.activeElement"):
+        if wanted.evaluate("one => one === document.activeElement"):
             assert page.evaluate(FOCUS)[2] == "solid"
             return
     raise AssertionError(f"{wanted} cannot be reached")
@@ -316,7 +317,7 @@ def test_a_model_is_sliced_and_printed_with_keys_alone(page: Page, tmp_path: Pat
     page.get_by_text(re.compile(r"^Layer at .* thick, \d+ of \d+$")).wait_for()
     page.keyboard.press("ArrowLeft")
     picture = page.get_by_role("img", name=re.compile("^Layer"))
-    assert picture.evaluate(COLOURED) > 100
+    page.wait_for_function(f"one => ({COLOURED})(one) > 100", arg=picture.element_handle())
     page.keyboard.press("Home")
     page.get_by_text(re.compile(r"^Layer at 0\.\d+ mm, .* thick, 1 of ")).wait_for()
     check_page(page)
