@@ -32,9 +32,9 @@ _RETRY: Final = 1.0  # s
 
 
 class FeedPosition(Struct, frozen=True):
-    """What a browser has got: the revision of the queue, and for each run its version and its last console line."""
+    """What a browser has got: messages about the queue, and for each run its version and its last console line."""
 
-    revision: int = -1
+    n_queue_messages: int = 0
     runs: dict[str, tuple[int, int]] = field(default_factory=dict)
 
 
@@ -85,7 +85,8 @@ class Feed:
     def __init__(self, services: Services) -> None:
         self._services, self._lock, self._stop = services, Lock(), Flag()
         self._runs: dict[str, _WatchedRun] = {}
-        self._revision, self._queue = -1, b""
+        self._n_queue_messages, self._queue = 0, b""
+        self._queue_state: int | str = ""
         self._waiting: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
         self._thread = Thread(target=self._watch_queue, name="queue watcher", daemon=True)
 
@@ -111,14 +112,14 @@ class Feed:
         """Return the messages that a browser at this position needs, and its position after them."""
         messages, runs = list[bytes](), dict[str, tuple[int, int]]()
         with self._lock:
-            if self._revision != position.revision and self._queue:
+            if self._n_queue_messages != position.n_queue_messages:
                 messages.append(self._queue)
             for key, one in self._runs.items():
                 version, last_line = position.runs.get(key, (0, 0))
                 if one.version != version:
                     messages.append(one.encode(last_line))
                 runs[key] = (one.version, max(one.last_line, last_line))
-            return messages, FeedPosition(self._revision, runs)
+            return messages, FeedPosition(self._n_queue_messages, runs)
 
     async def wait(self, position: FeedPosition, timeout: float) -> None:
         """Wait until a browser at this position has something to get, or for a timeout in s."""
@@ -126,7 +127,7 @@ class Feed:
         with self._lock:
             versions = {key: one.version for key, one in self._runs.items()}
             known = {key: version for key, (version, _) in position.runs.items()}
-            if self._revision != position.revision or versions != known:
+            if self._n_queue_messages != position.n_queue_messages or versions != known:
                 return
             self._waiting.add(entry)
         with suppress(TimeoutError):
@@ -143,28 +144,34 @@ class Feed:
 
     def _watch_queue(self) -> None:
         """Follow the queue until the server stops; start to watch each new run."""
-        revision = -1
         while not self._stop.is_set():
             try:
                 snapshot = self._services.queue.snapshot()
-                revision = snapshot.revision
                 encoded = b'{"kind":"queue","queue":' + encode_json(snapshot) + b"}"
-                self._follow(snapshot.runs, revision, encoded)
-                self._services.queue.wait_for_change(revision, _QUEUE_TIMEOUT)
-            except PrinterSlicerError:  # printers.toml is invalid or the disk is full; the supervisor says so
+                self._follow(snapshot.runs)
+                self._publish(snapshot.revision, encoded)
+                self._services.queue.wait_for_change(snapshot.revision, _QUEUE_TIMEOUT)
+            except PrinterSlicerError as error:  # printers.toml is invalid or the disk is full
+                message = {"kind": "problem", "detail": str(error.args[0]), "remedy": error.remedy}
+                self._publish(str(error), json.dumps(message).encode())
                 self._stop.wait(_QUEUE_TIMEOUT)
 
-    def _follow(self, runs: tuple[PrintRun, ...], revision: int, encoded: bytes) -> None:
-        """Store a new state of the queue, and watch exactly its runs."""
+    def _publish(self, state: int | str, message: bytes) -> None:
+        """Send a message about the queue if its state, a revision or an error, has changed."""
+        with self._lock:
+            if state != self._queue_state:
+                self._queue_state, self._queue = state, message
+                self._n_queue_messages += 1
+                self._notify()
+
+    def _follow(self, runs: tuple[PrintRun, ...]) -> None:
+        """Watch exactly these runs."""
         now = {run.id: run for run in runs}
         with self._lock:
             for key in self._runs.keys() - now.keys():
                 _disconnect(self._runs.pop(key))
             new = [_WatchedRun(run) for key, run in now.items() if key not in self._runs]
             self._runs |= {one.run.id: one for one in new}
-            if revision != self._revision:
-                self._revision, self._queue = revision, encoded
-                self._notify()
         for one in new:
             Thread(target=self._watch_run, args=(one,), name=f"watcher of {one.run.id}", daemon=True).start()
 

@@ -195,7 +195,7 @@ def page(browser: Browser, running: RunningServer, request: pytest.FixtureReques
     size, scheme = getattr(request, "param", None) or SIZES[2]
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
     page = context.new_page()
-    page.set_default_timeout(15_000)
+    page.set_default_timeout(60_000)  # other programs may keep the machine busy
     wrong: list[str] = []
     asked: list[str] = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -343,7 +343,7 @@ def watch_print_with_keys(page: Page, name: str) -> None:
     page.wait_for_function(f"one => ({COLOURED})(one) > 20", arg=live.element_handle())
     samples = page.evaluate("fetch('/v1/printers/fast/temperatures').then((one) => one.json())")
     assert max(sample["temperatures"]["T"][1] for sample in samples) > 150
-    card.get_by_text("Prints nothing").wait_for(timeout=60_000)
+    card.get_by_text("Prints nothing").wait_for(timeout=180_000)
     page.get_by_role("link", name="History").focus()
     page.keyboard.press("Enter")
     page.locator("li.card", has_text=name).get_by_text("done", exact=True).first.wait_for()
@@ -614,6 +614,23 @@ def test_a_key_is_shown_once_and_deleted_with_a_second_press(page: Page) -> None
     page.reload()
     page.get_by_role("heading", name="Keys").wait_for()
     assert page.locator("code").count() == 0
+
+
+def test_the_page_says_why_the_printers_cannot_be_read(browser: Browser, tmp_path: Path) -> None:
+    server = RunningServer(tmp_path)
+    (tmp_path / "printers.toml").write_text("[left\n")
+    context = browser.new_context()
+    try:
+        page = context.new_page()
+        page.goto(server.link)
+        said = page.get_by_role("status").filter(has_text="printers.toml: line 1")
+        said.wait_for()
+        (tmp_path / "printers.toml").write_text(PRINTERS)
+        page.get_by_role("heading", name="narrow").wait_for()
+        said.wait_for(state="hidden")
+    finally:
+        context.close()
+        server.stop()
 
 
 def test_without_the_server_the_page_says_how_old_its_figures_are(page: Page, running: RunningServer) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -40,6 +41,26 @@ def test_the_server_takes_over_when_the_other_process_ends(
     assert said[1].startswith("wrong: there is no printer profile nonesuch")
 
 
+def test_the_feed_tells_why_the_printers_cannot_be_read(
+    queue: PrintQueue, access: AccessStore, tmp_path: Path
+) -> None:
+    _, key = access.create_key("tests", ["read"])
+    with (
+        open_client(queue, access, tmp_path / "prints", key) as client,
+        client.websocket_connect("/v1/feed", headers={"x-api-key": key}) as feed,
+    ):
+        assert '"kind":"queue"' in feed.receive_text()
+        file = tmp_path / "printers.toml"
+        text = file.read_text()
+        file.write_text("[left\n")
+        problem = json.loads(feed.receive_text())
+        assert problem["kind"] == "problem"
+        assert "line 1" in problem["detail"]
+        assert problem["remedy"] == "Correct this line"
+        file.write_text(text)
+        assert '"kind":"queue"' in feed.receive_text()
+
+
 def test_the_feed_goes_on_after_an_error_of_the_database(
     queue: PrintQueue, access: AccessStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -57,8 +78,7 @@ def test_the_feed_goes_on_after_an_error_of_the_database(
         open_client(queue, access, tmp_path / "prints", key) as client,
         client.websocket_connect("/v1/feed", headers={"x-api-key": key}) as feed,
     ):
-        assert '"bed":"unknown"' in feed.receive_text()
-        until(lambda: not errors)
+        until(lambda: not errors and '"bed":"unknown"' in feed.receive_text())
         queue.set_bed("left", "clear")
         assert '"bed":"clear"' in feed.receive_text()
 

@@ -59,12 +59,13 @@ function openPage() {
   startUntilAnswered();
 }
 
-/** Say whether the figures are new. */
+/** Say whether the figures are new, and why not. */
 function showConnection(element) {
   const isOld = Boolean(known.account) && !known.isConnected && known.lastMessage > 0;
+  const text = isOld ? `Not connected. Figures are from ${formatTime(known.lastMessage)}.` : known.account ? known.problem : "";
   document.body.classList.toggle("old", isOld);
-  setShown(element, isOld);
-  setText(element, isOld ? `Not connected. Figures are from ${formatTime(known.lastMessage)}.` : "");
+  setShown(element, text !== "");
+  setText(element, text);
 }
 
 /** Begin; if the server cannot be reached, again and again. */

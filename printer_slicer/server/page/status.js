@@ -20,6 +20,8 @@ export const known = {
   account: null,
   /** @type {any} null before the first message */
   queue: null,
+  /** Why the server cannot read the queue, and what helps; empty if it can. */
+  problem: "",
   /** @type {Map<string, PrintStatus>} by printer */
   prints: new Map(),
   isConnected: false,
@@ -80,6 +82,7 @@ function setConnected(isConnected) {
 function receive(message) {
   known.lastMessage = Date.now() / 1000;
   if (message.kind === "queue") receiveQueue(message.queue);
+  else if (message.kind === "problem") known.problem = [message.detail, message.remedy].filter(Boolean).join(". ");
   else if (message.kind === "print") receivePrint(message);
   notify();
 }
@@ -87,6 +90,7 @@ function receive(message) {
 /** Store the queue; prints that have ended are forgotten. */
 function receiveQueue(queue) {
   known.queue = queue;
+  known.problem = "";
   const runs = new Set(queue.runs.map((run) => run.id));
   for (const [printer, print] of known.prints) {
     if (!runs.has(print.run)) known.prints.delete(printer);
