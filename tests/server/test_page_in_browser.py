@@ -265,6 +265,9 @@ TIME_LEFT = """
         follow({ ...status, done: 40 }, layers, 1510),
     ];
 """
+HAS_HEATED = """() => fetch("/v1/printers/fast/temperatures")
+    .then((answer) => answer.json())
+    .then((samples) => samples.some(({ temperatures }) => temperatures.T[1] > 150))"""
 LOAD = """(address) => new Promise((resolve) => {
     const image = new Image();
     for (const kind of ["load", "error"]) image.addEventListener(kind, () => resolve(kind));
@@ -341,8 +344,7 @@ def watch_print_with_keys(page: Page, name: str) -> None:
     live.wait_for()
     check_page(page)
     page.wait_for_function(f"one => ({COLOURED})(one) > 20", arg=live.element_handle())
-    samples = page.evaluate("fetch('/v1/printers/fast/temperatures').then((one) => one.json())")
-    assert max(sample["temperatures"]["T"][1] for sample in samples) > 150
+    page.wait_for_function(HAS_HEATED)
     card.get_by_text("Prints nothing").wait_for(timeout=180_000)
     page.get_by_role("link", name="History").focus()
     page.keyboard.press("Enter")
