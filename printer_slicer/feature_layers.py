@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Int
-from printer_slicer.feature_stacks import list_rings_of_feature
+from printer_slicer.feature_ranges import list_rings_of_feature
 from printer_slicer.model import (
     Areas,
     LayerPlan,

@@ -11,7 +11,8 @@ import trimesh
 import printer_slicer as ps
 from printer_slicer.errors import ProfileError
 from printer_slicer.extrusion import move_seconds
-from printer_slicer.feature_stacks import find_feature_ranges, prepare_feature_plans
+from printer_slicer.feature_ranges import find_feature_ranges
+from printer_slicer.feature_stacks import prepare_feature_plans
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, find_enclosing_rings
 from printer_slicer.geometry.facet_clipping import clip_facets
@@ -57,7 +58,7 @@ def optimal(**changes: object) -> Profile:
 
 
 def test_towers_stand_apart_between_base_and_roof() -> None:
-    [place] = find_feature_ranges(towers(roof=2.0), optimal())
+    [place] = find_feature_ranges(towers(roof=2.0), 0.01, 1.5)
 
     assert place.low == pytest.approx(2.0)
     assert place.high == pytest.approx(13.5)
@@ -66,7 +67,7 @@ def test_towers_stand_apart_between_base_and_roof() -> None:
 
 
 def test_a_part_without_towers_has_no_features() -> None:
-    assert find_feature_ranges(sphere(6.0), optimal()) == []
+    assert find_feature_ranges(sphere(6.0), 0.01, 1.5) == []
     assert len(plan_objects(box((8.0, 8.0, 5.0)), optimal())) == 1
 
 
