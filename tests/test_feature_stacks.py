@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 import printer_slicer as ps
 from printer_slicer.errors import ProfileError
@@ -16,45 +15,16 @@ from printer_slicer.feature_stacks import prepare_feature_plans
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import Areas, find_enclosing_rings
 from printer_slicer.geometry.facet_clipping import clip_facets
-from printer_slicer.model import Mesh, ObjectStack
+from printer_slicer.model import ObjectStack
 from printer_slicer.pipeline import plan_objects, slice_stages
-from printer_slicer.profile import Profile
 from printer_slicer.surface import certify_stacks
 from tests.cli.command_line import typed
 from tests.mesh_io.tiny_files import binary_stl
 from tests.parts import box, plain, sphere
 from tests.surface.distances import distance_to_mesh, wrong_points
+from tests.towers import optimal, towers
 
 ROUNDING = 1e-6
-
-
-def solid(made: trimesh.Trimesh) -> Mesh:
-    """The part, standing on the bed."""
-    return Mesh(np.asarray(made.triangles, np.float64), "towers").moved((20.0, 20.0, 0.0))
-
-
-def towers(roof: float = 0.0) -> Mesh:
-    """A base with a broad tower and a ball on a thin post, and perhaps a roof over both."""
-    solids = [
-        trimesh.creation.box(bounds=[(0, 0, 0), (34, 16, 2)]),
-        trimesh.creation.box(bounds=[(1, 1, 1.5), (17, 15, 14)]),
-        trimesh.creation.icosphere(3, 5.0).apply_translation((26, 8, 7.5)),
-        trimesh.creation.box(bounds=[(24, 6, 1.5), (28, 10, 14)]),
-    ]
-    if roof:
-        solids.append(trimesh.creation.box(bounds=[(0, 0, 13.5), (34, 16, 14 + roof)]))
-    return solid(trimesh.boolean.union(solids, engine="manifold"))
-
-
-def optimal(**changes: object) -> Profile:
-    """The optimal planner with plans for features."""
-    usual = {
-        "planner__kind": "optimal",
-        "planner__stacks": "features",
-        "tolerance": 0.12,
-        "thickest_layer": 0.3,
-    }
-    return plain(**(usual | changes))
 
 
 def test_towers_stand_apart_between_base_and_roof() -> None:
@@ -165,7 +135,7 @@ def test_supports_are_refused() -> None:
         optimal(support="columns")
 
 
-def test_slice_reports_features_and_check_names_the_limit(tmp_path: Path) -> None:
+def test_slice_reports_features_and_check_compares_each_on_its_own_layers(tmp_path: Path) -> None:
     (tmp_path / "towers.stl").write_bytes(binary_stl(towers(roof=2.0).triangles))
     options = ("--planner", "optimal", "--set", "planner.stacks=features", "--set", "planner.error_price=200")
     sliced = typed("slice", "towers.stl", *options, "-o", "out.gcode", cwd=tmp_path)
@@ -176,4 +146,5 @@ def test_slice_reports_features_and_check_names_the_limit(tmp_path: Path) -> Non
     assert "towers, z 2 to 13.5, feature 2: " in sliced.out
     assert "flat surface" not in sliced.out
     assert [sliced.code, planned.code, simulated.code] == [0, 0, 0]
-    assert "compared on common layers" in checked.out
+    assert "features have layers of their own" in checked.out
+    assert "not reliable" not in checked.out

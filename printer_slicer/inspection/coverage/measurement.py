@@ -180,15 +180,21 @@ def coverage_of(
 
 
 def _find_exposed_areas(stack: Stack, sections: Areas, surface_depth: float) -> Areas:
-    """Return the parts of each section near air, above or below the layers of its group."""
-    return Areas.merged(
-        [
-            exposed_areas(
-                sections.copy_layers(own), stack.top[own], stack.bottom[own], surface_depth
-            ).on_layers(own, stack.n_layers)
-            for own in stack.layers_of_groups()
-        ]
-    )
+    """Return the parts of each section near air, above or below it."""
+    exposed = list[Areas]()
+    for own in stack.layers_of_groups():
+        below, above = stack.list_adjacent_layers(own)
+        # All layers of other groups below are one layer, and those above are one that is thick enough.
+        before, after = int(len(below) > 0), int(len(above) > 0)
+        here = before + np.arange(len(own))
+        number = np.concatenate([np.zeros_like(below), here, np.full_like(above, before + len(own))])
+        around = sections.copy_layers(np.concatenate([below, own, above]))
+        low, high = stack.bottom[own[:1]], stack.top[own[-1:]]
+        top = np.concatenate([low[:before], stack.top[own], high[:after] + surface_depth + 1.0])
+        bottom = np.concatenate([low[:before], stack.bottom[own], high[:after]])
+        areas = exposed_areas(around.on_layers(number, len(top)), top, bottom, surface_depth)
+        exposed.append(areas.copy_layers(here).on_layers(own, stack.n_layers))
+    return Areas.merged(exposed)
 
 
 def _find_unsupported(stack: Stack, sections: Areas, gaps: SupportGaps) -> tuple[UnsupportedExtrusion, ...]:

@@ -26,7 +26,7 @@ from printer_slicer.inspection.coverage.model_match import (
     MatchedPart,
     match_part,
 )
-from printer_slicer.inspection.coverage.object_layers import join_equal_layers
+from printer_slicer.inspection.coverage.object_layers import has_thick_perimeters, join_equal_layers
 from printer_slicer.inspection.coverage.stack import Stack, stack_extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 from printer_slicer.mesh_io import load_mesh
@@ -38,7 +38,6 @@ from printer_slicer.values import Struct, field
 
 __all__ = ["Check", "CheckOptions", "check_gcode", "place_sections", "read_gcode_extrusions"]
 
-_SEPARATE_SHARE: Final = 0.05  # of the external perimeters; more means that objects have layers of their own
 _ROUNDING: Final = 0.01  # mm; files round heights by up to this
 _MIN_MISSING_AREA: Final = (
     1.0  # mm², printable area of all missing layers together; a smaller tip may be missing
@@ -235,14 +234,6 @@ def _has_missing_top(part: Mesh, coverage: Coverage, z: float, height: float) ->
     )
 
 
-def _has_separate_layers(deposit: GcodeExtrusions, coverage: Coverage) -> bool:
-    """Return whether comments say that much of the external perimeters is thicker than the distance of layers."""
-    stack, beads = coverage.stack, deposit.beads
-    external = coverage.of_part & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
-    thick = external & (beads.height > stack.height[stack.layer] + _ROUNDING)
-    return bool(beads.length[thick].sum() > _SEPARATE_SHARE * beads.length[external].sum())
-
-
 def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
     """Yield notes for users: what was assumed, and how much material does not belong to the part."""
     stack = coverage.stack
@@ -255,8 +246,8 @@ def _list_notes(deposit: GcodeExtrusions, coverage: Coverage) -> Iterator[str]:
     if stack.is_spiral:
         yield "spiral vase: every turn counts as a layer; the first and the last are not checked"
     if stack.group.any():
-        yield f"objects have layers of their own: {stack.n_layers} at {stack.number[-1]} heights"
-    elif _has_separate_layers(deposit, coverage):
+        yield f"objects or features have layers of their own: {stack.n_layers} at {stack.number[-1]} heights"
+    elif has_thick_perimeters(deposit.beads, stack):
         yield (
             "objects or features have layers of their own, but are compared on common layers: position, outline and "
             "shell are not reliable. Slice with planner.stacks = one to check the model"

@@ -18,8 +18,10 @@ from printer_slicer.inspection.coverage.matching import (
     shift_areas,
 )
 from printer_slicer.inspection.coverage.object_layers import (
-    divide_extrusions,
+    OwnPart,
     has_own_layers,
+    has_thick_perimeters,
+    separate_features,
     separate_objects,
     stack_groups,
 )
@@ -47,7 +49,8 @@ class MatchedPart(Struct, frozen=True, eq=False):
     """A part at its position in a file.
 
     Attributes:
-        parts: the part; if objects have layers of their own, the parts whose layers are the groups of the stack.
+        parts: the part; if objects or features have layers of their own, the parts whose layers are the groups of the
+            stack.
         stack: its layers, which may be fewer than those of the file.
         sections: a section for each layer of the stack.
         match: shift from the position of the mesh, and the quality of the fit.
@@ -81,6 +84,8 @@ def match_part(
     """
     part, is_searched = _place_part(mesh, stack, placement), placement is None
     parts = separate_objects(part)
+    if len(parts) == 1 and has_thick_perimeters(beads, stack):
+        parts = separate_features(part, stack.top)
     own = None if len(parts) < 2 or stack.is_spiral else _match_own_layers(parts, beads, stack, is_searched)
     if own is not None and own.match.share >= _GOOD_SHARE:
         matched = own
@@ -109,27 +114,28 @@ def _match_common_layers(part: Mesh, beads: Extrusions, stack: Stack, is_searche
 
 
 def _match_own_layers(
-    parts: Sequence[Mesh], beads: Extrusions, common: Stack, is_searched: bool
+    parts: Sequence[OwnPart], beads: Extrusions, common: Stack, is_searched: bool
 ) -> MatchedPart | None:
-    """Find the position of parts that have layers of their own; None if they have the common layers of the file."""
+    """Find the position of parts that have layers of their own; None if they have the common layers of the file.
+
+    `common` are these layers.
+    """
     if is_searched:
-        parts = _move_parts(parts, _guess_shift_of_box(parts, beads))
-    stack = stack_groups(beads, divide_extrusions(beads, parts))
+        shift = _guess_shift_of_box([part.mesh for part in parts], beads)
+        parts = [part.moved(shift) for part in parts]
+    stack = stack_groups(beads, parts, common)
     if not has_own_layers(stack, common):
         return None
-    match = _fit_position(stack, _cut_parts(parts, stack, -_CUT_OFFSET), is_searched=is_searched)
-    parts = _move_parts(parts, match.shift)
-    near = _find_extrusions_near(parts, beads)
-    stack = stack_groups(beads, divide_extrusions(beads, parts), near if near.any() else None)
-    pair = _cut_below_and_above_middle(parts, stack)
+    sections = _cut_parts([part.mesh for part in parts], stack, -_CUT_OFFSET)
+    match = _fit_position(stack, sections, is_searched=is_searched)
+    parts = [part.moved(match.shift) for part in parts]
+    meshes = [part.mesh for part in parts]
+    near = _find_extrusions_near(meshes, beads)
+    stack = stack_groups(beads, parts, common, near if near.any() else None)
+    pair = _cut_below_and_above_middle(meshes, stack)
     match = _fit_position(stack, pair[0], is_searched=is_searched)
     sections = _choose_sections(stack, *(shift_areas(one, match.shift) for one in pair))
-    return MatchedPart(tuple(_move_parts(parts, match.shift)), stack, sections, match)
-
-
-def _move_parts(parts: Sequence[Mesh], by: tuple[float, float]) -> list[Mesh]:
-    """Move parts by x and y, mm."""
-    return [part.moved((*by, 0.0)) for part in parts]
+    return MatchedPart(tuple(part.moved(match.shift).mesh for part in parts), stack, sections, match)
 
 
 def _guess_shift_of_box(parts: Sequence[Mesh], beads: Extrusions) -> tuple[float, float]:

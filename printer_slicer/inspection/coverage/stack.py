@@ -97,6 +97,17 @@ class Stack(Struct, frozen=True, eq=False):
         """Return the layer indices of each group, ascending."""
         return [np.flatnonzero(self.group == one) for one in np.unique(self.group)]
 
+    def list_adjacent_layers(self, layers: Int) -> tuple[Int, Int]:
+        """Return the layers of other groups directly below the first layer of a group, and directly above its last.
+
+        Args:
+            layers: indices of all layers of the group, ascending.
+        """
+        is_other = self.group != self.group[layers[0]]
+        below = is_other & (np.abs(self.top - self.bottom[layers[0]]) < _HEIGHT_TOLERANCE)
+        above = is_other & (np.abs(self.bottom - self.top[layers[-1]]) < _HEIGHT_TOLERANCE)
+        return np.flatnonzero(below), np.flatnonzero(above)
+
     @property
     def height(self) -> Float:
         """Layer heights (L,), mm."""
@@ -180,7 +191,7 @@ def stack_of_program(program: Program, filament_diameter: float) -> Stack:
     return Stack(beads, program.layer[move], plan.top, plan.bottom)
 
 
-def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
+def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float | None = None) -> Stack:
     """Assign extrusions to layers.
 
     A layer is a z with flat extrusions. Where z rises during extrusion, each turn of the spiral is a layer. The height
@@ -189,6 +200,7 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
     Args:
         beads: the extrusions, in printing order.
         part: (B,) mask of extrusions that make layers; None: all but supports, skirts and priming.
+        lowest: bottom of the first layer, mm; None: the bed, or the top of a raft and perhaps a gap above it.
     """
     of_part = ~np.isin(beads.purpose, NOT_PART) if part is None else part
     of_part = of_part & (beads.z_top > _SAME_HEIGHT)  # extrusions at or below z = 0 have no height
@@ -203,7 +215,9 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None) -> Stack:
     top = np.concatenate([levels, turns])
     bottom = np.concatenate([np.zeros(1), top[:-1]])[: len(top)]
     bottom[len(levels) : len(levels) + 1] = turns[:1] - np.diff(edges)[:1]
-    if len(levels):
+    if len(levels) and lowest is not None:
+        bottom[0] = lowest
+    elif len(levels):
         # On a raft, the raft or a small gap above it is below the first layer of the part.
         raft = (beads.purpose == Purpose.SUPPORT_MATERIAL) & (beads.z_top < top[0] - _MIN_RAFT_STEP)
         below = float(beads.z_top[raft].max(initial=0.0))
