@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Container, Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from printer_slicer.errors import MeshError
 from printer_slicer.mesh_io.facet_paint import split_painted_facets
 from printer_slicer.mesh_io.limits import check_facets, check_instances, check_vertices
 from printer_slicer.mesh_io.soundness import BLOCK, EXPORT_AGAIN
-from printer_slicer.values import Struct, field
+from printer_slicer.values import Struct, field, replace
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,6 +28,7 @@ __all__ = [
     "assemble_facets",
     "assemble_painted_facets",
     "count_facets",
+    "find_original",
     "is_mirrored",
 ]
 
@@ -269,6 +270,29 @@ def _list_instances(
             placed.append(_Instance(body, matrix, volume_type))
         waiting += [(part, matrix, volume_type, depth + 1) for part in reversed(body.parts)]
     return placed
+
+
+def find_original(
+    use: ObjectReference, bodies: Mapping[Hashable, ObjectBuilder], copies: Container[Hashable]
+) -> ObjectReference:
+    """Return a reference to the original of a copy, which has its name, its volumes and its settings.
+
+    PrusaSlicer writes a copy as an object without a name that consists of another object.
+
+    Args:
+        use: reference to an object.
+        bodies: all objects.
+        copies: the keys of objects that may be copies.
+    """
+    seen = set[Hashable]()
+    while use.key in copies and use.key not in seen and use.key in bodies:
+        body = bodies[use.key]
+        if body.label or body.corners or len(body.parts) != 1 or body.parts[0].volume_type != PART:
+            break
+        seen.add(use.key)
+        original = body.parts[0]
+        use = replace(use, key=original.key, matrix=_compose_transforms(original.matrix, use.matrix))
+    return use
 
 
 def _compose_transforms(inner: Float | None, outer: Float | None) -> Float | None:

@@ -25,6 +25,7 @@ from printer_slicer.mesh_io.assembly import (
     assemble_facets,
     assemble_painted_facets,
     count_facets,
+    find_original,
 )
 from printer_slicer.mesh_io.element_runs import ElementRun
 from printer_slicer.mesh_io.facet_paint import BLOCKED, ENFORCED
@@ -246,6 +247,8 @@ def read_three_mf(
     _check_paint_version(whole, path)
     types = read_volume_types(archive, limits)
     types.name_objects(bodies, start)
+    copies = {key for key, kind in whole.kinds.items() if kind == "model"}
+    first.items = [find_original(one, bodies, copies) for one in first.items]
     notes = types.separate_volumes(bodies, start, path)
     _empty_other_kinds(bodies, whole.kinds, notes)
     notes += _describe_ignored_paint(whole.painted, bodies)

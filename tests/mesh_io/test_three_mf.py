@@ -221,6 +221,30 @@ def test_a_volume_that_only_changes_settings_is_not_printed_prusa(tmp_path: Path
     assert [one.name for one in model.mesh.volumes.modifiers] == ["/Softer"]
 
 
+def test_copies_of_prusaslicer_have_the_name_and_the_modifiers_of_their_original(tmp_path: Path) -> None:
+    faces = np.concatenate([FACES, FACES + 8])
+    objects = {
+        1: mesh_xml(np.concatenate([CORNERS, 3 * CORNERS]), faces),
+        2: group(component(1)),
+        3: group(component(1, QUARTER)),
+    }
+    text = model_xml(objects, item(1) + item(2, MOVED) + item(3, MOVED))
+    config = (
+        '<config><object id="1" instances_count="3"><metadata type="object" key="name" value="lid"/>'
+        '<volume firstid="0" lastid="11"><metadata type="volume" key="volume_type" value="ModelPart"/></volume>'
+        '<volume firstid="12" lastid="23"><metadata type="volume" key="name" value="Softer"/>'
+        '<metadata type="volume" key="volume_type" value="ParameterModifier"/></volume></object></config>'
+    )
+    model = read(tmp_path, text, {"Metadata/Slic3r_PE_model.config": config})
+
+    assert [one.name for one in model.mesh.objects] == ["lid", "lid", "lid"]
+    names = [[inner.name for inner in one.volumes.modifiers] for one in model.mesh.objects if one.volumes]
+    assert names == [["lid/Softer"]] * 3
+    assert model.mesh.triangles[12:24] == pytest.approx(np.add(BOX, [10, 20, 30]))
+    turned = BOX @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    assert model.mesh.triangles[24:] == pytest.approx(np.add(turned, [10, 20, 30]))
+
+
 def test_a_modifier_of_old_slicers_is_not_printed(tmp_path: Path) -> None:
     text = model_xml(
         {1: mesh_xml(np.concatenate([CORNERS, 3 * CORNERS]), np.concatenate([FACES, FACES + 8]))}, item(1)
