@@ -144,6 +144,7 @@ def test_slice_reports_features_and_check_compares_each_on_its_own_layers(tmp_pa
     simulated = typed("dry-run", "out.gcode", "--allow", "unsupported", cwd=tmp_path)
 
     assert "towers, z 2 to 13.5, feature 2: " in sliced.out
+    assert "towers, z 2 to 13.5, feature 2 " in planned.out
     assert "flat surface" not in sliced.out
     assert [sliced.code, planned.code, simulated.code] == [0, 0, 0]
     assert "features have layers of their own" in checked.out

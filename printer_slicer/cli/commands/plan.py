@@ -42,6 +42,7 @@ EXAMPLES: Final = """\
   printer-slicer plan part.stl --time-budget 45m --range 10:12:tolerance=0.03"""
 
 _NAME_WIDTH: Final = 24  # characters, at least
+_MAX_STACK_WIDTH: Final = 44  # characters; longer names of objects are cut off
 
 # Variants of the planners: name in the table -> changes to the profile.
 _VARIANTS: Mapping[str, dict[str, object]] = {
@@ -377,7 +378,8 @@ def _format_plans(
 
 def _format_comparison(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Format the comparison of plans as a table."""
-    width = max(_NAME_WIDTH, *(len(row["plan"]) for row in rows))
+    stacks = [min(len(one["objects"]) + 2, _MAX_STACK_WIDTH) for row in rows for one in row["stacks"]]
+    width = max(_NAME_WIDTH, *(len(row["plan"]) for row in rows), *stacks)
     columns = f"{'layers':>7}{'print time':>14}{'deviation':>13}{'volume error':>15}   layer heights"
     head = f"  {'plan':<{width}}{columns}"
     return "\n".join([f"{name}: layer plans", head, *(_format_comparison_row(row, width) for row in rows)])
