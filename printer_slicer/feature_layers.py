@@ -28,7 +28,7 @@ from printer_slicer.objects import cut_objects
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct, replace
 
-__all__ = ["FeatureLayers", "cut_features", "list_feature_layers"]
+__all__ = ["FeatureLayers", "cut_features", "list_feature_layers", "select_printed_layers"]
 
 _LAYERS_AROUND: Final = (
     5  # thickest layers, besides the solid shell, that the layers of a feature may depend on
@@ -115,3 +115,25 @@ def _is_near(plan: LayerPlan, printed: Int, around: float) -> Bool:
     """Return which layers (L,) are at most `around` mm below or above the printed ones."""
     low, high = plan.bottom[printed[0]] - around, plan.top[printed[-1]] + around
     return np.asarray((plan.top > low - SAME_TOP) & (plan.bottom < high + SAME_TOP))
+
+
+def select_printed_layers(
+    layers: Sequence[FeatureLayers],
+    stages: tuple[Sequence[Sections], Sequence[Walls], Sequence[Regions]],
+    paths: Sequence[Toolpaths],
+) -> tuple[list[Sections], list[Walls], list[Regions], list[Toolpaths]]:
+    """Return the printed layers of the part and of each feature.
+
+    Args:
+        layers: of the part and of each feature.
+        stages: sections, walls and regions of each of these.
+        paths: the perimeters of the first of these, its infill, the perimeters of the second, and so on.
+    """
+    of_path = [one for one in layers for _ in ("perimeters", "infill")]
+    sections, walls, regions = stages
+    return (
+        [one.select_sections(made) for one, made in zip(layers, sections, strict=True)],
+        [one.select_walls(made) for one, made in zip(layers, walls, strict=True)],
+        [one.select_regions(made) for one, made in zip(layers, regions, strict=True)],
+        [one.select_paths(made) for one, made in zip(of_path, paths, strict=True)],
+    )

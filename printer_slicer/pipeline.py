@@ -306,10 +306,9 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
         part.name, (sections, walls, regions), own, profile, strategies.custom_infill, modified
     )
     if features:
-        paths = [features[k // 2].select_paths(one) for k, one in enumerate(paths)]
-        sections = [one.select_sections(made) for one, made in zip(features, sections, strict=True)]
-        walls = [one.select_walls(made) for one, made in zip(features, walls, strict=True)]
-        regions = [made.take(one.printed) for one, made in zip(features, regions, strict=True)]
+        from printer_slicer.feature_layers import select_printed_layers  # noqa: PLC0415 - off by default
+
+        sections, walls, regions, paths = select_printed_layers(features, (sections, walls, regions), paths)
     regions = [*regions, *(inside for several in modified for inside, _ in several)]
     if not keep:
         walls = [one.without_paths() for one in walls]
