@@ -436,6 +436,7 @@ def add_model_options(
     flag: str = "",
     meaning: str = "",
     required: bool = False,
+    always_arranges: bool = False,
 ) -> None:
     """Add the argument for the models of a command, and the options for their units and placement.
 
@@ -445,6 +446,7 @@ def add_model_options(
         flag: the option that names the models, for commands with another positional argument.
         meaning: help of that option.
         required: whether that option is required.
+        always_arranges: whether the command arranges the models in any case.
     """
     metavar = "MODEL|FILE.gcode" if gcode else "MODEL"
     if flag:
@@ -463,16 +465,19 @@ def add_model_options(
             "; or one G-code file" if gcode else ""
         )
         parser.add_argument("models", metavar=metavar, type=Path, nargs="+", help=what)
-    _add_placement_options(parser, arranges=not flag, prints=gcode)
+    _add_placement_options(parser, arranges=not flag, prints=gcode, always_arranges=always_arranges)
 
 
-def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, prints: bool) -> None:
+def _add_placement_options(
+    parser: argparse.ArgumentParser, *, arranges: bool, prints: bool, always_arranges: bool
+) -> None:
     """Add the options for units and placement of models.
 
     Args:
         parser: parser of the command.
         arranges: whether --arrange is an everyday option.
         prints: whether the command prints, so that --orient is not an everyday option.
+        always_arranges: whether --gap is an everyday option instead of --arrange.
     """
     group = parser.add_argument_group("model placement")
     add_transform_options(group)
@@ -490,7 +495,7 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
     arrange = where.add_argument(
         "--arrange", action="store_true", help="arrange the parts; default: if they overlap"
     )
-    if not arranges:
+    if always_arranges or not arranges:
         mark_advanced(arrange)
     mark_advanced(
         where.add_argument(
@@ -505,7 +510,7 @@ def _add_placement_options(parser: argparse.ArgumentParser, *, arranges: bool, p
             "--as-placed", action="store_true", help="use the x and y of the files as positions on the bed"
         )
     )
-    _add_plate_options(group)
+    _add_plate_options(group, always_arranges=always_arranges)
     _add_file_reading_options(group)
 
 
@@ -559,16 +564,17 @@ def add_keep_up_option(group: _Container, flag: str) -> argparse.Action:
     )
 
 
-def _add_plate_options(group: argparse._ArgumentGroup) -> None:
-    """Add the options for arranged plates."""
-    mark_advanced(
-        group.add_argument(
-            "--gap",
-            metavar="MM",
-            type=parse_distance,
-            help="arrange the parts, with at least this distance between them; default: 6",
-        )
+def _add_plate_options(group: argparse._ArgumentGroup, *, always_arranges: bool) -> None:
+    """Add the options for arranged plates; --gap is an everyday option of a command that always arranges."""
+    gap = group.add_argument(
+        "--gap",
+        metavar="MM",
+        type=parse_distance,
+        help="arrange the parts, with at least this distance between them; default: 6, or with --sequential what the "
+        "print head needs",
     )
+    if not always_arranges:
+        mark_advanced(gap)
     mark_advanced(
         group.add_argument(
             "--plate",
@@ -616,7 +622,7 @@ def _add_file_reading_options(group: argparse._ArgumentGroup) -> None:
         group.add_argument(
             "--fuse",
             action="store_true",
-            help="print overlapping parts of several files as one part; without it, overlaps are an error",
+            help="print overlapping parts of several files as one part; without it, they are arranged",
         )
     )
 

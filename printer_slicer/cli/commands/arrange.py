@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="3MF file to write; several plates get numbers",
     )
     add_setting_options(parser, strict_help=STRICT_HELP)
-    add_model_options(parser)
+    add_model_options(parser, always_arranges=True)
     group = add_output_options(parser)
     add_open_option(group)
     add_layer_options(parser)
