@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -130,9 +131,17 @@ def test_parts_without_features_are_printed_as_with_one_plan() -> None:
     assert first == second
 
 
-def test_supports_are_refused() -> None:
-    with pytest.raises(ProfileError, match="features with layers of their own cannot have supports"):
-        optimal(support="columns")
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"support": "columns"}, "features with layers of their own cannot have supports"),
+        ({"spiral": True}, "a spiral has no layers of its own for features"),
+        ({"planner__max_layers": 100}, "the number of layers cannot be limited for features"),
+    ],
+)
+def test_what_features_cannot_have_is_refused(changes: dict[str, Any], problem: str) -> None:
+    with pytest.raises(ProfileError, match=problem):
+        optimal(**changes)
 
 
 def test_slice_reports_features_and_check_compares_each_on_its_own_layers(tmp_path: Path) -> None:

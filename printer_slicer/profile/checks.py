@@ -107,14 +107,22 @@ def _check_planner(profile: Profile) -> Iterator[Conflict]:
                 problem,
                 "Correct one of them: a full step is a whole number of microsteps",
             )
-    if (
-        isinstance(quality.planner, OptimalPlanner)
-        and quality.planner.stacks == "features"
-        and quality.support != "off"
-    ):
+    if isinstance(quality.planner, OptimalPlanner) and quality.planner.stacks == "features":
+        yield from _check_features(quality, quality.planner)
+    yield from find_planner_conflicts(quality)
+
+
+def _check_features(quality: Quality, planner: OptimalPlanner) -> Iterator[Conflict]:
+    """Yield what cannot be had together with layers of their own for features."""
+    if quality.support != "off":
         problem = "features with layers of their own cannot have supports"
         yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.support to off")
-    yield from find_planner_conflicts(quality)
+    if quality.spiral:
+        problem = "a spiral has no layers of its own for features"
+        yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.spiral to false")
+    if planner.max_layers:
+        problem = "the number of layers cannot be limited for features with layers of their own"
+        yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.planner.max_layers to 0")
 
 
 def find_planner_conflicts(quality: Quality) -> Iterator[Conflict]:
