@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
-from printer_slicer.batching.manifest import Manifest, read_manifest
+from printer_slicer.batching.manifest import Manifest, lock_folder, read_manifest
 from printer_slicer.batching.pool import describe_lost_process
 from printer_slicer.batching.tasks import BatchResult, BatchTask, fail_task
 from printer_slicer.saving import save
@@ -108,13 +109,21 @@ def run_batch(
         The result of each task, in the order of the tasks.
 
     Raises:
-        OutputError: a file cannot be written.
+        OutputError: a file cannot be written, or another batch writes into the folder.
     """
-    kept = read_manifest(folder) if folder is not None and resumes else {}
+    with lock_folder(folder) if folder is not None else nullcontext():
+        return _run_batch(tasks, workers, folder, resumes=resumes, tell=tell)
+
+
+def _run_batch(
+    tasks: Sequence[BatchTask], workers: Workers, folder: Path | None, *, resumes: bool, tell: Tell
+) -> tuple[BatchResult, ...]:
+    """Run tasks, and note each result in the manifest of a folder that no other batch uses."""
+    earlier = read_manifest(folder) if folder is not None and resumes else {}
     found = {
-        task.name: one for task in tasks if kept and (one := kept.get(task.key)) and one.task == task.name
+        task.name: one for task in tasks if (one := earlier.pop(task.name, None)) and one.key == task.key
     }
-    manifest = Manifest(folder, found.values()) if folder is not None else None
+    manifest = Manifest(folder, [*earlier.values(), *found.values()]) if folder is not None else None
     for result in found.values():
         tell(result, is_kept=True)
     where = str(folder) if folder is not None and workers.share_disk else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from concurrent.futures import Future
 from hashlib import sha256
 from pathlib import Path
@@ -12,9 +14,10 @@ from hypothesis import strategies as st
 
 import printer_slicer as ps
 from printer_slicer.batching.executors import Workers
-from printer_slicer.batching.manifest import MANIFEST, read_manifest
+from printer_slicer.batching.manifest import MANIFEST, lock_folder, read_manifest
 from printer_slicer.batching.running import run_batch, run_tasks
 from printer_slicer.batching.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
+from printer_slicer.errors import OutputError
 from printer_slicer.values import replace
 
 PROFILE = ps.load_profile()
@@ -151,3 +154,43 @@ def test_failed_tasks_are_tried_again(tmp_path: Path) -> None:
     workers = Workers(run.submit, 1, True)
     assert run_batch([make_task("a")], workers, tmp_path)[0].problem
     assert not run_batch([make_task("a")], workers, tmp_path, resumes=True)[0].problem
+
+
+def test_parts_with_equal_content_are_kept_too(tmp_path: Path) -> None:
+    first = make_task("left-lid")
+    tasks = [first, replace(first, name="right-lid")]
+    results = run_batch(tasks, Writing(tmp_path).workers(), tmp_path)
+    again = Writing(tmp_path)
+    assert run_batch(tasks, again.workers(), tmp_path, resumes=True) == results
+    assert not again.started
+
+
+def test_the_manifest_keeps_parts_that_are_not_in_this_run(tmp_path: Path) -> None:
+    tasks = [make_task("a"), make_task("b")]
+    run_batch(tasks, Writing(tmp_path).workers(), tmp_path)
+    run_batch(tasks[:1], Writing(tmp_path).workers(), tmp_path, resumes=True)
+    again = Writing(tmp_path)
+    run_batch(tasks, again.workers(), tmp_path, resumes=True)
+    assert not again.started
+
+
+def test_a_full_disk_leaves_the_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = [make_task("a"), make_task("b")]
+    run_batch(tasks, Writing(tmp_path).workers(), tmp_path)
+
+    def fill_disk(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fill_disk)
+        with pytest.raises(OutputError, match="No space left"):
+            run_batch(tasks, Writing(tmp_path).workers(), tmp_path, resumes=True)
+    assert len(read_manifest(tmp_path)) == 2
+
+
+def test_one_batch_writes_into_a_folder(tmp_path: Path) -> None:
+    writing = Writing(tmp_path)
+    with lock_folder(tmp_path), pytest.raises(OutputError, match="another batch"):
+        run_batch([make_task("a")], writing.workers(), tmp_path)
+    assert not writing.started
+    assert run_batch([make_task("a")], writing.workers(), tmp_path)

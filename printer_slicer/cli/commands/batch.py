@@ -26,7 +26,7 @@ from printer_slicer.cli.matrix import add_matrix_option, load_combinations
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import Milestones, print_text, sanitize, show_stages, write_file
 from printer_slicer.cli.settings import collect_profile_facts
-from printer_slicer.errors import OutputError, UsageError
+from printer_slicer.errors import UsageError
 from printer_slicer.saving import check_writable
 from printer_slicer.texts import format_duration, format_significant
 
@@ -118,7 +118,6 @@ def run(arguments: argparse.Namespace) -> int:
     from printer_slicer.batching.executors import count_processors, open_workers
     from printer_slicer.batching.running import run_batch
     from printer_slicer.process_limits import ProcessLimits
-    from printer_slicer.process_lock import ProcessLock
     from printer_slicer.saving import make_folder
 
     _check_options(arguments)
@@ -126,11 +125,6 @@ def run(arguments: argparse.Namespace) -> int:
     tasks = _list_tasks(arguments, combinations)
     folder: Path = arguments.output_dir
     make_folder(folder)
-    lock = ProcessLock(folder / ".manifest.lock")
-    if not lock.acquire():
-        raise OutputError(
-            f"{folder}: another batch writes into this folder", remedy="Wait for it, or choose another"
-        )
     limits = ProcessLimits(60.0 * arguments.max_minutes, arguments.max_memory << 30)
     n_processes = min(arguments.jobs or count_processors(), len(tasks))
     try:
@@ -142,8 +136,6 @@ def run(arguments: argparse.Namespace) -> int:
         done = f"{progress.n_done} of {len(tasks)} are in {folder}; continue with --resume"
         print(sanitize(f"printer-slicer: {done}"), file=sys.stderr)
         raise
-    finally:
-        lock.release()
     _write_reports(arguments, results)
     _print_results(arguments, results)
     return _FAILED if any(one.problem for one in results) else 0
