@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -26,8 +27,12 @@ __all__ = [
     "TaskModel",
     "fail_task",
     "list_tasks",
+    "make_unique",
     "read_task_model",
 ]
+
+
+_MAX_NAME: Final = 200  # bytes of the name of a file, without number and suffix
 
 
 class TaskModel(Struct, frozen=True):
@@ -236,9 +241,17 @@ def list_tasks(
     Raises:
         UsageError: a model cannot be read.
     """
+    models = [read_task_model(path) for path in dict.fromkeys(paths)]
+    rows = [(model, one) for model in models for one in combinations]
+    names = [
+        _shorten("-".join(filter(None, (name, name_choices(one.choices)))))
+        for name in _name_models(models)
+        for one in combinations
+    ]
+    has_plates = options.copies > 1 or options.orient != "off"
     return [
         BatchTask(
-            "-".join(filter(None, (name, name_choices(one.choices)))),
+            name,
             model,
             one.profile,
             options,
@@ -247,25 +260,54 @@ def list_tasks(
             has_quality=one.has_quality,
             **more,
         )
-        for path, name in _name_models(paths).items()
-        for model in [read_task_model(path)]
-        for one in combinations
+        for name, (model, one) in zip(make_unique(names, has_plates=has_plates), rows, strict=True)
     ]
 
 
-def _name_models(paths: Sequence[Path]) -> dict[Path, str]:
-    """Return the name of the G-code of each model: that of the file, with its folder or a number if it occurs twice."""
-    paths = list(dict.fromkeys(paths))
-    counts = Counter(path.stem for path in paths)
-    names: dict[Path, str] = {}
-    for path in paths:
-        name = base = path.stem if counts[path.stem] == 1 else f"{path.absolute().parent.name}-{path.stem}"
-        number = 1
-        while name in names.values():
-            number += 1
-            name = f"{base}_{number}"
-        names[path] = name
-    return names
+def _name_models(models: Sequence[TaskModel]) -> list[str]:
+    """Return the name of each model's G-code: that of the file, with its folder if others have the same one."""
+    paths = [Path(model.path) for model in models]
+    counts = Counter(path.stem.casefold() for path in paths)
+    return [
+        path.stem if counts[path.stem.casefold()] == 1 else f"{path.parent.name}-{path.stem}"
+        for path in paths
+    ]
+
+
+def _shorten(name: str) -> str:
+    """Return a name that leaves room for a number and a suffix in the name of a file."""
+    if len(os.fsencode(name)) <= _MAX_NAME:
+        return name
+    digest = sha256(os.fsencode(name)).hexdigest()[:12]
+    return f"{os.fsencode(name)[: _MAX_NAME - 13].decode('utf-8', 'ignore')}-{digest}"
+
+
+def make_unique(names: Sequence[str], *, has_plates: bool) -> list[str]:
+    """Add numbers to names, so that no file has the name of another one, also where case does not count.
+
+    Args:
+        names: of tasks.
+        has_plates: whether a task may have several files, such as `lid-1` and `lid-2` for `lid`.
+    """
+    given = {name.casefold() for name in names}
+    taken, numbers = dict[str, str](), Counter[str]()
+    for name in names:
+        found = name
+        while (
+            (key := found.casefold()) in taken
+            or (found != name and key in given)
+            or (has_plates and _is_plate(key, given))
+        ):
+            numbers[name] += 1
+            found = f"{name}_{numbers[name] + 1}"
+        taken[key] = found
+    return list(taken.values())
+
+
+def _is_plate(name: str, others: Collection[str]) -> bool:
+    """Return whether a name may be that of a plate of another task."""
+    head, _, number = name.rpartition("-")
+    return number.isdigit() and head in others
 
 
 def fail_task(task: BatchTask, problem: str) -> BatchResult:

@@ -43,6 +43,7 @@ EXAMPLES: Final = """\
   printer-slicer batch *.stl --output-dir gcode --cluster tcp://10.0.0.5:8786"""
 _FAILED: Final = 3
 _MOST_SHOWN: Final = 40  # rows
+_MAX_WIDTH: Final = 60  # letters of a name; longer ones shift the columns of their row
 _REPORTS: Final = (".csv", ".html")
 
 
@@ -253,7 +254,7 @@ def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]
         }
         print(json.dumps(facts | collect_profile_facts(arguments)))
         return
-    width = max(len(one.task) for one in results)
+    width = min(max(len(one.task) for one in results), _MAX_WIDTH)
     table = list(zip(results, rows, best, strict=True))
     lines = [_format_row(one, row, width, is_best=mark) for one, row, mark in table[:_MOST_SHOWN]]
     if len(table) > _MOST_SHOWN:
@@ -267,7 +268,7 @@ def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]
 
 def _format_row(result: BatchResult, row: dict[str, Any], width: int, *, is_best: bool) -> str:
     """Format a result as a line of the table."""
-    start = f"{'*' if is_best else ' '} {result.task:<{width}}"
+    start = f"{'*' if is_best else ' '} {' '.join(result.task.split()):<{width}}"
     if result.problem:
         return f"{start}  failed: {result.problem}"
     numbers = (
