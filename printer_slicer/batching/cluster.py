@@ -9,15 +9,15 @@ import platform
 from concurrent.futures import Executor, Future
 from importlib.util import find_spec
 from multiprocessing import current_process
-from threading import Event
+from threading import Event, Lock
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.batching.pool import ProcessExecutor, slice_and_report
+from printer_slicer.batching.running import send_task
 from printer_slicer.batching.tasks import BatchResult, BatchTask
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.process_limits import ProcessLimits
-from printer_slicer.values import replace
 from printer_slicer.version import VERSION
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ __all__ = ["ClusterExecutor"]
 _CONNECT_SECONDS: Final = 15.0
 _RECONNECT_SECONDS: Final = 600.0
 _POLL_SECONDS: Final = 0.2
-_processes: ProcessExecutor | None = None
-"""In a worker of Dask: the processes that slice."""
+_lock: Final = Lock()
+_processes: Final[dict[ProcessLimits, ProcessExecutor]] = {}
+"""In a worker of Dask: the processes that slice, at most one executor."""
 
 
 class ClusterExecutor(Executor):
@@ -79,11 +80,9 @@ class ClusterExecutor(Executor):
         """Slice on a worker.
 
         Raises:
-            UsageError: the model can no longer be read.
             OutputError: the scheduler has been away for too long.
         """
-        task = replace(task, model=task.model.with_content(), folder="")
-        return self.submit(_slice_on_worker, task, self._limits)
+        return send_task(task, lambda sent: self.submit(_slice_on_worker, sent, self._limits, VERSION))
 
     def _wait_for_scheduler(self) -> None:
         """Wait until the client is connected, as after a restart of the scheduler."""
@@ -138,12 +137,26 @@ def _check_workers(workers: dict[str, dict[str, Any]], address: str) -> None:
             )
 
 
-def _slice_on_worker(task: BatchTask, limits: ProcessLimits) -> BatchResult:
-    """Slice in a process of this worker."""
+def _slice_on_worker(task: BatchTask, limits: ProcessLimits, version: str) -> BatchResult:
+    """Slice in a process of this worker.
+
+    Raises:
+        RuntimeError: this worker joined later, and has another version of this package.
+    """
+    if version != VERSION:
+        raise RuntimeError(f"the worker has printer_slicer {VERSION}, not {version}")
+    result: BatchResult = _start_in_process(task, limits).result()
+    return result
+
+
+def _start_in_process(task: BatchTask, limits: ProcessLimits) -> Future[BatchResult]:
+    """Slice in a process of this worker; the processes last as long as the worker, or until the limits change."""
     from distributed import get_worker  # noqa: PLC0415 - slow
 
-    global _processes  # noqa: PLW0603 - they last as long as the worker
-    if _processes is None:
-        _processes = ProcessExecutor(get_worker().state.nthreads, limits)
-    result: BatchResult = _processes.submit(slice_and_report, task).result()
-    return result
+    with _lock:  # tasks run in several threads
+        if limits not in _processes:
+            for other in _processes.values():
+                other.shutdown(wait=False)
+            _processes.clear()
+            _processes[limits] = ProcessExecutor(get_worker().state.nthreads, limits)
+        return _processes[limits].submit(slice_and_report, task)

@@ -10,10 +10,9 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from printer_slicer.batching.pool import ProcessExecutor, slice_and_report
-from printer_slicer.batching.running import Submit
+from printer_slicer.batching.running import Submit, send_task
 from printer_slicer.batching.tasks import BatchResult, BatchTask
 from printer_slicer.process_limits import ProcessLimits
-from printer_slicer.values import replace
 
 __all__ = ["Workers", "count_processors", "open_workers", "use_executor"]
 
@@ -81,11 +80,13 @@ def use_executor(executor: Executor) -> Workers:
     is_local = isinstance(executor, ProcessPoolExecutor | ThreadPoolExecutor | ProcessExecutor)
     count = getattr(executor, "_max_workers", None)
 
+    def start(task: BatchTask) -> Future[BatchResult]:
+        """Start a task on this machine, or one that has all it needs."""
+        return executor.submit(slice_task, task)
+
     def submit(task: BatchTask) -> Future[BatchResult]:
         """Start a task."""
-        if not is_local:
-            task = replace(task, model=task.model.with_content(), folder="")
-        return executor.submit(slice_task, task)
+        return start(task) if is_local else send_task(task, start)
 
     n_pending = _PER_WORKER * count if isinstance(count, int) else _UNKNOWN
     return Workers(submit, n_pending, is_local)

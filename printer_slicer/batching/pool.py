@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
-from multiprocessing import get_context
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context, parent_process, resource_tracker
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Final
 
@@ -67,7 +67,10 @@ class ProcessExecutor(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Run a function in one of the processes; cancelling the future kills it."""
-        return self._pool.schedule(fn, args=args, kwargs=kwargs, timeout=self._limits.max_seconds)
+        with (
+            _hold_interrupts()
+        ):  # the first task starts the processes, and they inherit which signals are held
+            return self._pool.schedule(fn, args=args, kwargs=kwargs, timeout=self._limits.max_seconds)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes, after the tasks that were submitted or at once."""
@@ -90,6 +93,27 @@ def _follow_stages(reader: Connection, tell: Callable[[str, str], None]) -> None
             tell(task, stage)
 
 
+@contextmanager
+def _hold_interrupts() -> Iterator[None]:
+    """Hold Ctrl-C back in this thread; where systems can."""
+    if os.name != "posix":
+        yield
+        return
+    resource_tracker.ensure_running()  # multiprocessing starts this process first, and would end the holding
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, even in the middle of a task."""
+    if (parent := parent_process()) is not None:
+        parent.join()
+        os._exit(1)
+
+
 def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
     """Set the limits of a new process, before it imports numpy."""
     global _stages  # noqa: PLW0603 - what a process knows from its start
@@ -98,6 +122,7 @@ def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
     signal.signal(
         signal.SIGINT, signal.SIG_IGN
     )  # Ctrl-C reaches all processes, and the first one ends the others
+    Thread(target=_end_with_parent, daemon=True).start()
     keep_freed_memory()
     limit_process(limits)
 

@@ -11,14 +11,15 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 from printer_slicer.batching.manifest import Manifest, lock_folder, read_manifest
 from printer_slicer.batching.pool import describe_lost_process
-from printer_slicer.batching.tasks import BatchResult, BatchTask, fail_task
+from printer_slicer.batching.tasks import BatchResult, BatchTask, describe_error, fail_task
+from printer_slicer.errors import UsageError
 from printer_slicer.saving import save
 from printer_slicer.values import replace
 
 if TYPE_CHECKING:
     from printer_slicer.batching.executors import Workers
 
-__all__ = ["Submit", "Tell", "run_batch", "run_tasks"]
+__all__ = ["Submit", "Tell", "run_batch", "run_tasks", "send_task"]
 
 Submit = Callable[[BatchTask], "Future[BatchResult]"]
 """Starts a task."""
@@ -75,6 +76,17 @@ def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool)
     else:
         return None
     return fail_task(task, problem)
+
+
+def send_task(task: BatchTask, submit: Submit) -> Future[BatchResult]:
+    """Start a task on another machine, with the content of its model; one that cannot be read costs only its task."""
+    try:
+        sent = replace(task, model=task.model.with_content(), folder="")
+    except UsageError as error:
+        future: Future[BatchResult] = Future()
+        future.set_result(fail_task(task, describe_error(error)))
+        return future
+    return submit(sent)
 
 
 class Tell(Protocol):

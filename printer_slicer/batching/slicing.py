@@ -9,7 +9,14 @@ from time import monotonic
 from typing import Any, Final, NamedTuple
 from zlib import compress
 
-from printer_slicer.batching.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
+from printer_slicer.batching.tasks import (
+    BatchResult,
+    BatchTask,
+    SlicedFile,
+    TaskModel,
+    describe_error,
+    fail_task,
+)
 from printer_slicer.errors import PartError, PrinterSlicerError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.facts.findings import (
@@ -73,7 +80,7 @@ def _slice_file(task: BatchTask, report: Report) -> BatchResult:
             _slice_plate(task, one, comments, warnings, report) for one in _make_plates(task, parts, report)
         ]
     except PrinterSlicerError as error:
-        problem = str(error).replace("\n  ", ". ")
+        problem = describe_error(error)
     except MemoryError:
         problem = "the model needs more memory than a task may use"
     except Exception as error:  # noqa: BLE001 - a fault costs one task, not the batch
@@ -93,6 +100,7 @@ def _load(file: TaskModel, units: str | None, report: Report) -> Model:
     if key not in _LOADED:
         _LOADED.clear()
         report("loading")
+        file.check_file()
         _LOADED[key] = _name_mesh(
             load_model(file.path, units=units), Path(file.path).stem, Path(file.name).stem
         )

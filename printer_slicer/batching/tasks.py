@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 from zlib import decompress
 
 from printer_slicer.batching.matrix import name_choices
-from printer_slicer.errors import UsageError
+from printer_slicer.errors import PrinterSlicerError, UsageError
 from printer_slicer.input_files import read_pieces
 from printer_slicer.profile import Profile, settings_as_dict
 from printer_slicer.values import Struct, as_dict
@@ -25,6 +25,7 @@ __all__ = [
     "ModelOptions",
     "SlicedFile",
     "TaskModel",
+    "describe_error",
     "fail_task",
     "list_tasks",
     "make_unique",
@@ -58,9 +59,23 @@ class TaskModel(Struct, frozen=True):
         Raises:
             UsageError: the file cannot be read, or has changed.
         """
-        found = read_task_model(Path(self.path), keeps_content=True)
+        return self._read_again(keeps_content=True)
+
+    def check_file(self) -> None:
+        """Check that the file is still what it was when the task was made.
+
+        Raises:
+            UsageError: the file cannot be read, or has changed.
+        """
+        self._read_again(keeps_content=False)
+
+    def _read_again(self, *, keeps_content: bool) -> TaskModel:
+        """Read the file, and compare it."""
+        found = read_task_model(Path(self.path), keeps_content=keeps_content)
         if found.sha256 != self.sha256:
-            raise UsageError(f"{self.path}: the file has changed", remedy="Start the batch again")
+            raise UsageError(
+                f"{self.path}: the file has changed since the batch began", remedy="Use --resume to slice it"
+            )
         return found
 
 
@@ -313,3 +328,8 @@ def _is_plate(name: str, others: Collection[str]) -> bool:
 def fail_task(task: BatchTask, problem: str) -> BatchResult:
     """Return the result of a task that failed."""
     return BatchResult(task.name, task.key, task.model.name, task.model.sha256, task.choices, problem)
+
+
+def describe_error(error: PrinterSlicerError) -> str:
+    """Return what is wrong and what to do, in one line."""
+    return str(error).replace("\n  ", ". ")

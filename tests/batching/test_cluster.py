@@ -8,8 +8,12 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
 
@@ -17,7 +21,7 @@ import printer_slicer as ps
 from printer_slicer.batching import cluster
 from printer_slicer.batching.executors import open_workers
 from printer_slicer.batching.running import run_batch
-from printer_slicer.batching.tasks import Combination, list_tasks
+from printer_slicer.batching.tasks import BatchTask, Combination, TaskModel, list_tasks
 from printer_slicer.errors import UsageError
 from printer_slicer.process_limits import ProcessLimits
 from tests.parts import box
@@ -67,6 +71,49 @@ def running_cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
         for process in processes:
             process.kill()
             process.wait()
+
+
+class Processes:
+    """Instead of processes: counts how often they are started and ended."""
+
+    started: ClassVar[list[ProcessLimits]] = []
+    ended: ClassVar[list[ProcessLimits]] = []
+
+    def __init__(self, n_processes: int, limits: ProcessLimits) -> None:
+        assert n_processes == 3
+        self.limits = limits
+        Event().wait(0.01)  # others start theirs at the same time
+        self.started.append(limits)
+
+    def submit(self, *_: object) -> Future[ProcessLimits]:
+        future: Future[ProcessLimits] = Future()
+        future.set_result(self.limits)
+        return future
+
+    def shutdown(self, wait: bool) -> None:
+        assert not wait
+        self.ended.append(self.limits)
+
+
+def test_a_worker_has_one_set_of_processes_with_the_limits_of_the_batch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    worker = SimpleNamespace(state=SimpleNamespace(nthreads=3))
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    monkeypatch.setattr(cluster, "ProcessExecutor", Processes)
+    monkeypatch.setattr(cluster, "_processes", {})
+    task = BatchTask("box", TaskModel("box.stl", "", 1), ps.load_profile())
+    small, large = ProcessLimits(max_bytes=1), ProcessLimits(max_bytes=2)
+
+    with ThreadPoolExecutor(3) as threads:
+        found = threads.map(lambda _: cluster._slice_on_worker(task, small, ps.__version__), range(3))
+        assert list(found) == [small] * 3
+    assert Processes.started == [small]
+    assert cluster._slice_on_worker(task, large, ps.__version__) == large  # type: ignore[comparison-overlap]
+    assert (Processes.started, Processes.ended) == ([small, large], [small])
+    with pytest.raises(RuntimeError, match=r"not 0\.0\.1"):
+        cluster._slice_on_worker(task, large, "0.0.1")
 
 
 @pytest.mark.thorough

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import pytest
 
@@ -19,9 +22,11 @@ from printer_slicer.batching.pool import (
     describe_lost_process,
     slice_and_report,
 )
-from printer_slicer.batching.running import run_batch
+from printer_slicer.batching.running import run_batch, send_task
+from printer_slicer.batching.slicing import slice_task
 from printer_slicer.batching.tasks import BatchTask, read_task_model
 from tests.parts import box
+from tests.waiting import until
 
 
 def end_process(how: int) -> None:
@@ -89,3 +94,54 @@ def test_the_number_of_processes_does_not_change_a_byte(tmp_path: Path) -> None:
         found.append([(one.task, [file.sha256 for file in one.files]) for one in results])
     assert found[0] == found[1]
     assert (tmp_path / "1" / "box4.gcode").read_bytes() == (tmp_path / "2" / "box4.gcode").read_bytes()
+
+
+def run_script(text: str, **more: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True, **more)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+def test_ctrl_c_does_not_reach_a_process_that_starts() -> None:
+    script = """
+import os, signal
+from printer_slicer.batching.pool import ProcessExecutor
+with ProcessExecutor(1) as executor:
+    future = executor.submit(abs, -5)
+    try:
+        os.killpg(0, signal.SIGINT)
+    except KeyboardInterrupt:
+        print(future.result(60))
+"""
+    with run_script(script, stderr=subprocess.PIPE, start_new_session=True) as running:
+        assert running.communicate() == ("5\n", "")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_processes_end_with_the_one_that_started_them() -> None:
+    script = """
+import os
+from time import sleep
+from printer_slicer.batching.pool import ProcessExecutor
+executor = ProcessExecutor(1)
+print(executor.submit(os.getpid).result(60), flush=True)
+executor.submit(sleep, 600).result()
+"""
+    with run_script(script, stderr=subprocess.DEVNULL) as running:
+        assert running.stdout is not None
+        state = Path(f"/proc/{running.stdout.readline().strip()}/stat")
+        running.kill()
+    until(lambda: not state.exists() or state.read_text().split()[2] == "Z")
+
+
+@pytest.mark.parametrize("change", ["changed", "removed"])
+def test_a_model_that_changes_before_it_is_sliced_costs_its_task(tmp_path: Path, change: str) -> None:
+    path = tmp_path / "box.stl"
+    ps.export_stl(box((5, 5, 2)), path)
+    task = BatchTask("box", read_task_model(path), ps.load_profile())
+    path.unlink()
+    if change == "changed":
+        ps.export_stl(box((6, 5, 2)), path)
+
+    said = "has changed since the batch began" if change == "changed" else "No such file"
+    assert said in slice_task(task).problem
+    assert said in send_task(task, lambda _: Future()).result(0).problem
