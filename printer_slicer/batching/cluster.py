@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import platform
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from importlib.util import find_spec
 from multiprocessing import current_process
 from threading import Event, Lock
@@ -23,11 +24,12 @@ from printer_slicer.version import VERSION
 if TYPE_CHECKING:
     from distributed import Client
 
-__all__ = ["ClusterExecutor"]
+__all__ = ["ClusterExecutor", "ThreadCounter"]
 
 _CONNECT_SECONDS: Final = 15.0
 _RECONNECT_SECONDS: Final = 600.0
 _POLL_SECONDS: Final = 0.2
+_COUNT_SECONDS: Final = 5.0
 _lock: Final = Lock()
 _processes: Final[dict[ProcessLimits, ProcessExecutor]] = {}
 """In a worker of Dask: the processes that slice, at most one executor."""
@@ -60,12 +62,12 @@ class ClusterExecutor(Executor):
                 remedy="Start one with `dask scheduler`, or check the address",
             ) from None
         _check_workers(self._client.run(_describe_worker), address)
+        self._counter = ThreadCounter(self._client)
         self._executor: Executor = self._client.get_executor(pure=False)  # type: ignore[no-untyped-call]
 
-    @property
-    def n_threads(self) -> int:
-        """How many tasks the workers run at the same time."""
-        return sum(self._client.nthreads().values())  # type: ignore[no-untyped-call]
+    def count_threads(self) -> int:
+        """Return how many tasks the workers run at the same time, at least 1."""
+        return self._counter.count()
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Run a function on a worker.
@@ -99,6 +101,26 @@ class ClusterExecutor(Executor):
         """Disconnect from the scheduler; its workers go on."""
         self._executor.shutdown(wait=wait and not cancel_futures)
         self._client.close()  # type: ignore[no-untyped-call]
+
+
+class ThreadCounter:
+    """Counts the threads of the workers that a Dask client has; workers may join and leave.
+
+    Args:
+        client: connected to a scheduler.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._n_threads, self._next = 1, 0.0
+
+    def count(self) -> int:
+        """Return the number of threads, at least 1; the scheduler is asked every few seconds."""
+        if monotonic() > self._next and self._client.status == "running":
+            with suppress(OSError):  # the connection was just lost
+                self._n_threads = max(sum(self._client.nthreads().values()), 1)  # type: ignore[no-untyped-call]
+            self._next = monotonic() + _COUNT_SECONDS
+        return self._n_threads
 
 
 def _describe_worker() -> dict[str, Any]:

@@ -25,12 +25,12 @@ class Workers(NamedTuple):
 
     Attributes:
         submit: starts a task.
-        n_pending: how many tasks are submitted at the same time.
+        count_pending: how many tasks may be submitted at the same time.
         share_disk: whether workers write into the folder of the batch themselves.
     """
 
     submit: Submit
-    n_pending: int
+    count_pending: Callable[[], int]
     share_disk: bool
 
 
@@ -57,11 +57,11 @@ def open_workers(n_processes: int, cluster: str, limits: ProcessLimits) -> Itera
 
         remote = ClusterExecutor(cluster, limits)
         executor: Executor = remote
-        workers = Workers(remote.submit_task, _PER_WORKER * max(remote.n_threads, 1), False)
+        workers = Workers(remote.submit_task, lambda: _PER_WORKER * remote.count_threads(), False)
     else:
         executor = ProcessExecutor(n_processes, limits)
         submit = partial(executor.submit, slice_and_report)
-        workers = Workers(submit, _PER_WORKER * n_processes, True)
+        workers = Workers(submit, lambda: _PER_WORKER * n_processes, True)
     try:
         yield workers
     except BaseException:
@@ -78,7 +78,6 @@ def use_executor(executor: Executor) -> Workers:
     from printer_slicer.batching.slicing import slice_task  # noqa: PLC0415 - slow
 
     is_local = isinstance(executor, ProcessPoolExecutor | ThreadPoolExecutor | ProcessExecutor)
-    count = getattr(executor, "_max_workers", None)
 
     def start(task: BatchTask) -> Future[BatchResult]:
         """Start a task on this machine, or one that has all it needs."""
@@ -88,5 +87,11 @@ def use_executor(executor: Executor) -> Workers:
         """Start a task."""
         return start(task) if is_local else send_task(task, start)
 
+    count = getattr(executor, "_max_workers", None)
+    if client := getattr(executor, "_client", None):
+        from printer_slicer.batching.cluster import ThreadCounter  # noqa: PLC0415 - slow
+
+        counter = ThreadCounter(client)
+        return Workers(submit, lambda: _PER_WORKER * counter.count(), False)
     n_pending = _PER_WORKER * count if isinstance(count, int) else _UNKNOWN
-    return Workers(submit, n_pending, is_local)
+    return Workers(submit, lambda: n_pending, is_local)

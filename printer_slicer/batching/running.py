@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
@@ -25,9 +25,12 @@ Submit = Callable[[BatchTask], "Future[BatchResult]"]
 """Starts a task."""
 
 _MAX_ATTEMPTS: Final = 2
+_RECOUNT_SECONDS: Final = 5.0
 
 
-def run_tasks(tasks: Iterable[BatchTask], submit: Submit, n_pending: int) -> Iterator[BatchResult]:
+def run_tasks(
+    tasks: Iterable[BatchTask], submit: Submit, count_pending: Callable[[], int]
+) -> Iterator[BatchResult]:
     """Yield the result of each task when it is there; every task has exactly one.
 
     A task whose worker was lost is started once more. If the iteration ends early, tasks that have not ended are
@@ -37,18 +40,19 @@ def run_tasks(tasks: Iterable[BatchTask], submit: Submit, n_pending: int) -> Ite
         tasks: any number.
         submit: starts a task; its future fails with `TimeoutError` if the task took too long, and with any other error
             if its worker was lost.
-        n_pending: how many tasks are submitted at the same time.
+        count_pending: how many tasks may be submitted at the same time; asked again every few seconds, because workers may
+            join.
     """
     waiting = deque(sorted(tasks, key=lambda task: -task.model.size))
     attempts = Counter[str]()
     pending: dict[Future[BatchResult], BatchTask] = {}
     try:
         while waiting or pending:
-            while waiting and len(pending) < n_pending:
+            while waiting and len(pending) < count_pending():
                 task = waiting.popleft()
                 attempts[task.name] += 1
-                pending[submit(task)] = task
-            done, _ = wait(pending, return_when=FIRST_COMPLETED)
+                pending[_submit(task, submit)] = task
+            done, _ = wait(pending, _RECOUNT_SECONDS, return_when=FIRST_COMPLETED)
             for future in done:
                 task = pending.pop(future)
                 result = _read_result(future, task, is_last=attempts[task.name] >= _MAX_ATTEMPTS)
@@ -60,6 +64,16 @@ def run_tasks(tasks: Iterable[BatchTask], submit: Submit, n_pending: int) -> Ite
     finally:
         for future in pending:
             future.cancel()
+
+
+def _submit(task: BatchTask, submit: Submit) -> Future[BatchResult]:
+    """Start a task; a broken executor is an error of the task, so that the results of the others are not lost."""
+    try:
+        return submit(task)
+    except BrokenExecutor as error:
+        future: Future[BatchResult] = Future()
+        future.set_exception(error)
+        return future
 
 
 def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool) -> BatchResult | None:
@@ -141,7 +155,7 @@ def _run_batch(
     where = str(folder) if folder is not None and workers.share_disk else ""
     rest = [replace(task, folder=where) for task in tasks if task.name not in found]
     try:
-        for result in run_tasks(rest, workers.submit, workers.n_pending):
+        for result in run_tasks(rest, workers.submit, workers.count_pending):
             stored = _store_files(result, folder)
             if manifest is not None:
                 manifest.add(stored)

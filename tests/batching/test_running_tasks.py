@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import os
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from hashlib import sha256
 from pathlib import Path
+from threading import Timer
 
 import pytest
 from hypothesis import given
@@ -62,7 +64,7 @@ def test_every_task_has_one_result(fates: list[list[str]], n_pending: int) -> No
         expected[name] = fails
     run = Fates({name: [*own] for name, own in zip(names, fates, strict=True)})
 
-    results = list(run_tasks([make_task(name) for name in names], run.submit, n_pending))
+    results = list(run_tasks([make_task(name) for name in names], run.submit, lambda: n_pending))
 
     assert sorted(one.task for one in results) == names
     assert {one.task: bool(one.problem) for one in results} == expected
@@ -81,7 +83,7 @@ def test_the_largest_models_start_first_and_few_wait() -> None:
         return future
 
     tasks = [make_task("small", 1), make_task("large", 9), make_task("middle", 5)]
-    results = run_tasks(tasks, submit, 2)
+    results = run_tasks(tasks, submit, lambda: 2)
     next(results)
     assert order == ["large", "middle"]
     results.close()
@@ -90,7 +92,9 @@ def test_the_largest_models_start_first_and_few_wait() -> None:
 
 def test_the_reasons_tell_what_happened() -> None:
     run = Fates({"a": ["late"], "b": ["lost", "lost"]})
-    results = {one.task: one.problem for one in run_tasks([make_task("a"), make_task("b")], run.submit, 2)}
+    results = {
+        one.task: one.problem for one in run_tasks([make_task("a"), make_task("b")], run.submit, lambda: 2)
+    }
 
     assert results["a"] == "slicing took longer than 3600 s"
     assert "in 2 attempts" in results["b"]
@@ -120,7 +124,7 @@ class Writing:
             future.set_result(slicing(task, self.folder))
             return future
 
-        return Workers(submit, 2, True)
+        return Workers(submit, lambda: 2, True)
 
 
 def test_a_batch_goes_on_where_it_ended(tmp_path: Path) -> None:
@@ -151,7 +155,7 @@ def test_other_settings_are_sliced_again(tmp_path: Path, resumes: bool) -> None:
 
 def test_failed_tasks_are_tried_again(tmp_path: Path) -> None:
     run = Fates({"a": ["late"]})
-    workers = Workers(run.submit, 1, True)
+    workers = Workers(run.submit, lambda: 1, True)
     assert run_batch([make_task("a")], workers, tmp_path)[0].problem
     assert not run_batch([make_task("a")], workers, tmp_path, resumes=True)[0].problem
 
@@ -194,3 +198,37 @@ def test_one_batch_writes_into_a_folder(tmp_path: Path) -> None:
         run_batch([make_task("a")], writing.workers(), tmp_path)
     assert not writing.started
     assert run_batch([make_task("a")], writing.workers(), tmp_path)
+
+
+def test_workers_that_join_get_tasks() -> None:
+    counts, started = iter([1, 1, 3, 3, 3, 3, 3]), list[Future[BatchResult]]()
+
+    def submit(task: BatchTask) -> Future[BatchResult]:
+        future: Future[BatchResult] = Future()
+        if not started:
+            future.set_result(fail_task(task, ""))
+        started.append(future)
+        return future
+
+    results = run_tasks([make_task(name) for name in "abcdef"], submit, lambda: next(counts))
+    next(results)
+    assert len(started) == 1
+    Timer(0.05, lambda: started[-1].set_result(fail_task(make_task("b"), ""))).start()
+    next(results)
+    assert len(started) == 4
+    results.close()
+
+
+def test_a_broken_executor_costs_the_rest_only() -> None:
+    def submit(task: BatchTask) -> Future[BatchResult]:
+        if task.name != "a":
+            raise BrokenProcessPool("a process was terminated")
+        future: Future[BatchResult] = Future()
+        future.set_result(fail_task(task, ""))
+        return future
+
+    tasks = [make_task(name) for name in "abc"]
+    problems = {one.task: one.problem for one in run_tasks(tasks, submit, lambda: 1)}
+    assert not problems["a"]
+    assert "a process was terminated" in problems["b"]
+    assert "a process was terminated" in problems["c"]
