@@ -40,8 +40,8 @@ def run_tasks(
         tasks: any number.
         submit: starts a task; its future fails with `TimeoutError` if the task took too long, and with any other error
             if its worker was lost.
-        count_pending: how many tasks may be submitted at the same time; asked again every few seconds, because workers may
-            join.
+        count_pending: how many tasks may be submitted at the same time; asked again every few seconds, because workers
+            may join.
     """
     waiting = deque(sorted(tasks, key=lambda task: -task.model.size))
     attempts = Counter[str]()

@@ -89,7 +89,9 @@ def test_resume_slices_only_what_is_missing(models: list[Path], tmp_path: Path) 
     before = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.gcode")}
     (folder / "tee.gcode").unlink()
 
-    assert typed(*line, "--resume").code == 0
+    page = tmp_path / "r.html"
+    assert typed(*line, "--resume", "--report", page).code == 0
+    assert page.read_text().count("data:image/png;base64,iVBOR") == 2
     after = {path.name: path.stat().st_mtime_ns for path in folder.glob("*.gcode")}
     assert after["tile.gcode"] == before["tile.gcode"]
     assert after["tee.gcode"] > before["tee.gcode"]
@@ -145,7 +147,7 @@ def test_ctrl_c_leaves_whole_files_and_a_manifest(tmp_path: Path) -> None:
     assert 0 < len(noted) < len(parts)
     for file in folder.glob("*.gcode"):
         assert file.read_text().rstrip().splitlines()[-1].startswith(";")
-    assert not list(folder.glob("*.tmp*"))
+    assert not list(folder.glob(".*.partial"))
 
 
 def test_plan_compares_settings_and_marks_the_plans_that_no_other_beats() -> None:

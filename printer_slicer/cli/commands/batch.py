@@ -226,8 +226,11 @@ class _Progress:
 
 def _write_reports(arguments: argparse.Namespace, results: Sequence[BatchResult]) -> None:
     """Write the reports."""
+    from printer_slicer.batching.pictures import add_pictures
     from printer_slicer.batching.reports import make_csv, make_page
 
+    if any(path.suffix.lower() == ".html" for path in arguments.report):
+        results = add_pictures(results, arguments.output_dir)
     for path in arguments.report:
         is_page = path.suffix.lower() == ".html"
         title = f"Batch in {arguments.output_dir.name or arguments.output_dir}"
