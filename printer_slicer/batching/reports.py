@@ -19,6 +19,8 @@ __all__ = ["collect_row", "make_csv", "make_page", "mark_best_rows"]
 _FORMULA: Final = frozenset("=+-@\t\r")
 """A spreadsheet takes text that begins with one of these as a formula."""
 
+_FIGURES: Final = ("print time", "filament", "layers", "deviation", "volume error", "supports")
+
 
 def collect_row(result: BatchResult) -> dict[str, Any]:
     """Return the figures of a result: sums over its plates, and the largest errors; None where it failed."""
@@ -79,21 +81,12 @@ def _make_plain(value: Any) -> Any:
 def make_page(results: Sequence[BatchResult], title: str) -> bytes:
     """Return the results as a page with a table that can be sorted, and a picture of each part."""
     keys = list(dict.fromkeys(key for one in results for key in one.choices))
-    heads = [
-        "",
-        "part",
-        *keys,
-        "print time",
-        "filament",
-        "layers",
-        "deviation",
-        "volume error",
-        "supports",
-        "findings",
-    ]
+    heads = ["", "part", *keys, *_FIGURES, "findings"]
     head = "".join(f"<th scope=col>{_make_sort_button(text)}</th>" for text in heads)
     best = mark_best_rows(results) if keys else [False] * len(results)
-    body = "\n".join(_format_row(one, keys, is_best=mark) for one, mark in zip(results, best, strict=True))
+    body = "\n".join(
+        _format_row(one, keys, heads, is_best=mark) for one, mark in zip(results, best, strict=True)
+    )
     failed = sum(bool(one.problem) for one in results)
     summary = f"{len(results) - failed} of {len(results)} sliced" + (f", {failed} failed" if failed else "")
     note = (
@@ -113,20 +106,20 @@ def _make_sort_button(text: str) -> str:
     return f"<button>{escape(text)}</button>" if text else ""
 
 
-def _format_row(result: BatchResult, keys: Sequence[str], *, is_best: bool) -> str:
-    """Return a row of the table; the cells have the values by which they are sorted."""
+def _format_row(result: BatchResult, keys: Sequence[str], heads: Sequence[str], *, is_best: bool) -> str:
+    """Return a row of the table; the cells have the values by which they are sorted, and the heads of their columns."""
     picture = b64encode(result.picture).decode()
     shown = f'<img src="data:image/png;base64,{picture}" alt="" width=80 height=60>' if picture else ""
     row = collect_row(result)
     texts = [("", shown), (result.model, f"<b>{escape(result.model)}</b><br>{escape(row['files'])}")]
     texts += [(value, escape(value)) for value in (result.choices.get(key, "") for key in keys)]
     if result.problem:
-        cell = f'<td colspan=7 data-value="" class=failed>{escape(result.problem)}</td>'
-        return f"<tr>{_join_cells(texts)}{cell}</tr>"
+        cell = f'<td colspan=7 data-value="" data-head="failed" class=failed>{escape(result.problem)}</td>'
+        return f"<tr>{_join_cells(texts, heads)}{cell}</tr>"
     texts += [(str(value), text) for value, text in _list_figures(row)]
     found = "<br>".join(escape(text) for text in result.warnings)
     texts.append((str(len(result.warnings)), found))
-    return f"<tr{' class=best' if is_best else ''}>{_join_cells(texts)}</tr>"
+    return f"<tr{' class=best' if is_best else ''}>{_join_cells(texts, heads)}</tr>"
 
 
 def _list_figures(row: Mapping[str, Any]) -> list[tuple[float, str]]:
@@ -142,6 +135,9 @@ def _list_figures(row: Mapping[str, Any]) -> list[tuple[float, str]]:
     ]
 
 
-def _join_cells(texts: Sequence[tuple[str, str]]) -> str:
+def _join_cells(texts: Sequence[tuple[str, str]], heads: Sequence[str]) -> str:
     """Return cells with values and content."""
-    return "".join(f'<td data-value="{escape(value, quote=True)}">{text}</td>' for value, text in texts)
+    return "".join(
+        f'<td data-value="{escape(value, quote=True)}" data-head="{escape(head, quote=True)}">{text}</td>'
+        for (value, text), head in zip(texts, heads, strict=False)
+    )
