@@ -35,6 +35,8 @@ __all__ = [
 
 _MAX_NAME: Final = 200  # bytes of the name of a file, without number and suffix
 
+_MAX_TASKS: Final = 100_000
+
 
 class TaskModel(Struct, frozen=True):
     """A file with a model.
@@ -254,9 +256,12 @@ def list_tasks(
         **more: further fields of each task.
 
     Raises:
-        UsageError: a model cannot be read.
+        UsageError: a model cannot be read, or there are too many tasks.
     """
-    models = [read_task_model(path) for path in dict.fromkeys(paths)]
+    paths = list(dict.fromkeys(paths))
+    if (count := len(paths) * len(combinations)) > _MAX_TASKS:
+        raise UsageError(f"{count} tasks; the most are {_MAX_TASKS}", remedy="Give fewer models or values")
+    models = [read_task_model(path) for path in paths]
     rows = [(model, one) for model in models for one in combinations]
     names = [
         _shorten("-".join(filter(None, (name, name_choices(one.choices)))))

@@ -1,4 +1,4 @@
-"""No file of a batch has the name of another one."""
+"""No file of a batch has the name of another one, and there are not too many."""
 
 from __future__ import annotations
 
@@ -61,3 +61,9 @@ def test_names_that_could_be_those_of_plates_stay_if_there_are_none(tmp_path: Pa
     paths = [tmp_path / "lid.stl", tmp_path / "lid-2.stl"]
     assert list_names(paths) == ["lid", "lid-2"]
     assert list_names(paths, copies=2) == ["lid", "lid-2_2"]
+
+
+def test_too_many_tasks_are_rejected_before_a_model_is_read() -> None:
+    combinations = [Combination({}, ps.load_profile())] * 1000
+    with pytest.raises(ps.PrinterSlicerError, match="101000 tasks; the most are 100000"):
+        list_tasks([Path(f"{number}.stl") for number in range(101)], combinations)

@@ -43,6 +43,7 @@ EXAMPLES: Final = """\
   printer-slicer batch *.stl --output-dir gcode --cluster tcp://10.0.0.5:8786"""
 _FAILED: Final = 3
 _MOST_SHOWN: Final = 40  # rows
+_LEAST_SIZE: Final = 200_000  # bytes; the smallest model takes as long as this size of a large one
 _MAX_WIDTH: Final = 60  # letters of a name; longer ones shift the columns of their row
 _REPORTS: Final = (".csv", ".html")
 
@@ -198,7 +199,7 @@ class _Progress:
         self, arguments: argparse.Namespace, tasks: Sequence[BatchTask], report: Callable[[str], object]
     ) -> None:
         is_quiet = arguments.quiet or arguments.json
-        self._sizes = {task.name: max(task.model.size, 1) for task in tasks}
+        self._sizes = {task.name: task.model.size + _LEAST_SIZE for task in tasks}
         self._report, self._is_verbose = report, arguments.verbose
         self._lines = Milestones("slicing", wanted=not (is_quiet or arguments.verbose or sys.stderr.isatty()))
         self._began, self._done_size, self._kept_size = monotonic(), 0, 0
@@ -216,7 +217,7 @@ class _Progress:
         self._lines.report_if_due(self.n_done, len(self._sizes), self._describe)
 
     def _describe(self) -> str:
-        """Return how many tasks are done, and how long the rest takes if they take as long per byte."""
+        """Return how many tasks are done, and how long the rest takes if time grows with size."""
         rest = sum(self._sizes.values()) - self._done_size - self._kept_size
         seconds = (monotonic() - self._began) * rest / max(self._done_size, 1)
         failed = f", {self._n_failed} failed" if self._n_failed else ""
