@@ -49,8 +49,8 @@ def batch(
         parts: model files.
         settings: as the keywords of `ps.slice`; a list has the values that are combined.
         executor: where the tasks run, such as `concurrent.futures.ProcessPoolExecutor` or
-            `dask.distributed.Client(...).get_executor()`; None: processes of this package, in which a task that takes
-            too long or ends its process costs only itself.
+            `dask.distributed.Client(...).get_executor()`; None: processes of this package, with limits of time and
+            memory. Of these, one that is killed is replaced, and fails only its task.
         jobs: number of these processes; None: one per processor.
         output_dir: folder for the G-code and the manifest; None: each result has the G-code, see `SlicedFile.read`.
         resume: keep what the manifest has, and slice the rest.

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["ProcessExecutor", "describe_lost_process", "slice_and_report"]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_MAX_STAGE: Final = (
-    200  # characters; what a process writes at once reaches the pipe undivided below 4096 bytes
-)
+_MAX_STAGE: Final = 200
+"""Characters of a name; below 4096 bytes, what a process writes at once reaches the pipe undivided."""
 _stages: Connection | None = None
 """In a process of the pool: the pipe to which it writes the names of its stages."""
 
@@ -119,9 +118,8 @@ def _prepare(limits: ProcessLimits, stages: Connection | None) -> None:
     global _stages  # noqa: PLW0603 - what a process knows from its start
     _stages = stages
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches all processes, and the first one ends the others
+    # Ctrl-C reaches all processes, and the first one ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
     keep_freed_memory()
     limit_process(limits)
