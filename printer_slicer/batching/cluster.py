@@ -15,7 +15,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.batching.pool import ProcessExecutor, slice_and_report
-from printer_slicer.batching.running import send_task
+from printer_slicer.batching.running import WrongWorkerError, send_task
 from printer_slicer.batching.tasks import BatchResult, BatchTask
 from printer_slicer.errors import OutputError, UsageError
 from printer_slicer.process_limits import ProcessLimits
@@ -30,6 +30,7 @@ _CONNECT_SECONDS: Final = 15.0
 _RECONNECT_SECONDS: Final = 600.0
 _POLL_SECONDS: Final = 0.2
 _COUNT_SECONDS: Final = 5.0
+_REJECT_SECONDS: Final = 5.0
 _lock: Final = Lock()
 _processes: Final[dict[ProcessLimits, ProcessExecutor]] = {}
 """In a worker of Dask: the processes that slice, at most one executor."""
@@ -61,7 +62,7 @@ class ClusterExecutor(Executor):
                 f"{address}: no scheduler answers ({error})",
                 remedy="Start one with `dask scheduler`, or check the address",
             ) from None
-        _check_workers(self._client.run(_describe_worker), address)
+        _check_workers(_describe_workers(self._client), address)
         self._counter = ThreadCounter(self._client)
         self._executor: Executor = self._client.get_executor(pure=False)  # type: ignore[no-untyped-call]
 
@@ -132,6 +133,21 @@ def _describe_worker() -> dict[str, Any]:
     }
 
 
+def _describe_workers(client: Client) -> dict[str, dict[str, Any]]:
+    """Return what each worker has.
+
+    Raises:
+        UsageError: one cannot tell, because it does not have this package.
+    """
+    try:
+        return client.run(_describe_worker)  # type: ignore[no-any-return]
+    except Exception as error:  # noqa: BLE001 - whatever a worker raises
+        raise UsageError(
+            f"a worker cannot import this package: {error}",
+            remedy="Install the same version on all machines",
+        ) from None
+
+
 def _check_workers(workers: dict[str, dict[str, Any]], address: str) -> None:
     """Check that there are workers, and that they have the versions of this machine.
 
@@ -163,10 +179,11 @@ def _slice_on_worker(task: BatchTask, limits: ProcessLimits, version: str) -> Ba
     """Slice in a process of this worker.
 
     Raises:
-        RuntimeError: this worker joined later, and has another version of this package.
+        WrongWorkerError: this worker joined later, and has another version of this package.
     """
     if version != VERSION:
-        raise RuntimeError(f"the worker has printer_slicer {VERSION}, not {version}")
+        Event().wait(_REJECT_SECONDS)  # meanwhile, this worker gets no other task
+        raise WrongWorkerError(f"the worker has printer_slicer {VERSION}, not {version}")
     result: BatchResult = _start_in_process(task, limits).result()
     return result
 

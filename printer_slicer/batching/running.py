@@ -19,13 +19,18 @@ from printer_slicer.values import replace
 if TYPE_CHECKING:
     from printer_slicer.batching.executors import Workers
 
-__all__ = ["Submit", "Tell", "run_batch", "run_tasks", "send_task"]
+__all__ = ["Submit", "Tell", "WrongWorkerError", "run_batch", "run_tasks", "send_task"]
 
 Submit = Callable[[BatchTask], "Future[BatchResult]"]
 """Starts a task."""
 
 _MAX_ATTEMPTS: Final = 2
+_MAX_REJECTIONS: Final = 20
 _RECOUNT_SECONDS: Final = 5.0
+
+
+class WrongWorkerError(Exception):
+    """A worker cannot run a task that others can, such as one that has another version of this package."""
 
 
 def run_tasks(
@@ -44,7 +49,7 @@ def run_tasks(
             may join.
     """
     waiting = deque(sorted(tasks, key=lambda task: -task.model.size))
-    attempts = Counter[str]()
+    attempts, rejections = Counter[str](), Counter[str]()
     pending: dict[Future[BatchResult], BatchTask] = {}
     try:
         while waiting or pending:
@@ -55,9 +60,13 @@ def run_tasks(
             done, _ = wait(pending, _RECOUNT_SECONDS, return_when=FIRST_COMPLETED)
             for future in done:
                 task = pending.pop(future)
+                is_rejected = not future.cancelled() and isinstance(future.exception(), WrongWorkerError)
+                rejections[task.name] += is_rejected
+                # A scheduler that starts again cancels all tasks.
+                if future.cancelled() or (is_rejected and rejections[task.name] < _MAX_REJECTIONS):
+                    attempts[task.name] -= 1
                 result = _read_result(future, task, is_last=attempts[task.name] >= _MAX_ATTEMPTS)
                 if result is None:
-                    attempts[task.name] -= future.cancelled()  # such as by a scheduler that starts again
                     waiting.append(task)
                 else:
                     yield result
@@ -85,6 +94,8 @@ def _read_result(future: Future[BatchResult], task: BatchTask, *, is_last: bool)
         return None
     if isinstance(error, TimeoutError):
         problem = f"slicing took longer than {task.max_seconds:g} s"
+    elif is_last and isinstance(error, WrongWorkerError):
+        problem = str(error)
     elif is_last:
         problem = f"{describe_lost_process(error)}, in {_MAX_ATTEMPTS} attempts; it may need more memory"
     else:

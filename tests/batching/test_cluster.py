@@ -20,7 +20,7 @@ import pytest
 import printer_slicer as ps
 from printer_slicer.batching import cluster
 from printer_slicer.batching.executors import open_workers
-from printer_slicer.batching.running import run_batch
+from printer_slicer.batching.running import WrongWorkerError, run_batch
 from printer_slicer.batching.tasks import BatchTask, Combination, TaskModel, list_tasks
 from printer_slicer.errors import UsageError
 from printer_slicer.process_limits import ProcessLimits
@@ -112,7 +112,8 @@ def test_a_worker_has_one_set_of_processes_with_the_limits_of_the_batch(
     assert Processes.started == [small]
     assert cluster._slice_on_worker(task, large, ps.__version__) == large  # type: ignore[comparison-overlap]
     assert (Processes.started, Processes.ended) == ([small, large], [small])
-    with pytest.raises(RuntimeError, match=r"not 0\.0\.1"):
+    monkeypatch.setattr(cluster, "_REJECT_SECONDS", 0.0)
+    with pytest.raises(WrongWorkerError, match=r"not 0\.0\.1"):
         cluster._slice_on_worker(task, large, "0.0.1")
 
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import printer_slicer as ps
 from printer_slicer.batching.executors import Workers
 from printer_slicer.batching.manifest import MANIFEST, lock_folder, read_manifest
-from printer_slicer.batching.running import run_batch, run_tasks
+from printer_slicer.batching.running import WrongWorkerError, run_batch, run_tasks
 from printer_slicer.batching.tasks import BatchResult, BatchTask, SlicedFile, TaskModel, fail_task
 from printer_slicer.errors import OutputError
 from printer_slicer.values import replace
@@ -30,7 +30,7 @@ def make_task(name: str, size: int = 1) -> BatchTask:
 
 
 class Fates:
-    """Starts tasks that end as it was told: `done`, `lost`, `late` or `cancelled`, one after the other."""
+    """Starts tasks that end as it was told: `done`, `lost`, `late`, `cancelled` or `rejected`, one after the other."""
 
     def __init__(self, fates: dict[str, list[str]]) -> None:
         self.fates, self.started = fates, list[str]()
@@ -44,6 +44,8 @@ class Fates:
             future.set_running_or_notify_cancel()
         elif fate == "lost":
             future.set_exception(OSError("the worker is gone"))
+        elif fate == "rejected":
+            future.set_exception(WrongWorkerError("the worker has another version"))
         elif fate == "late":
             future.set_exception(TimeoutError())
         else:
@@ -51,7 +53,7 @@ class Fates:
         return future
 
 
-FATE = st.sampled_from(["done", "lost", "late", "cancelled"])
+FATE = st.sampled_from(["done", "lost", "late", "cancelled", "rejected"])
 
 
 @given(st.lists(st.lists(FATE, max_size=5), max_size=8), st.integers(1, 5))
@@ -59,7 +61,7 @@ def test_every_task_has_one_result(fates: list[list[str]], n_pending: int) -> No
     names = [f"part{at}" for at in range(len(fates))]
     expected = {}
     for name, own in zip(names, fates, strict=True):
-        kept = [one for one in own if one != "cancelled"] + ["done", "done"]
+        kept = [one for one in own if one not in {"cancelled", "rejected"}] + ["done", "done"]
         fails = kept[0] == "late" or (kept[0] == "lost" and kept[1] != "done")
         expected[name] = fails
     run = Fates({name: [*own] for name, own in zip(names, fates, strict=True)})
@@ -232,3 +234,10 @@ def test_a_broken_executor_costs_the_rest_only() -> None:
     assert not problems["a"]
     assert "a process was terminated" in problems["b"]
     assert "a process was terminated" in problems["c"]
+
+
+def test_a_task_that_all_workers_reject_fails() -> None:
+    run = Fates({"a": ["rejected"] * 99})
+    (result,) = run_tasks([make_task("a")], run.submit, lambda: 1)
+    assert "the worker has another version" in result.problem
+    assert len(run.started) < 30
