@@ -59,10 +59,12 @@ def batch(
         One result for each part and combination; a part that cannot be sliced has a result with a `problem`.
 
     Raises:
-        UsageError: a file cannot be read, or a setting does not exist or is out of bounds.
+        UsageError: a file cannot be read, or an argument or a setting is invalid.
         OutputError: a file cannot be written.
     """
     check_argument("parts", parts, (list, tuple))
+    if jobs is not None and jobs < 1:
+        raise UsageError(f"jobs={jobs}: must be at least 1", remedy="Leave it out for one per processor")
     tasks = _list_tasks([Path(part) for part in parts], settings or {})
     folder = None if output_dir is None else Path(output_dir)
     if folder is not None:

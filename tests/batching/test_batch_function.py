@@ -52,5 +52,8 @@ def test_wrong_settings_are_rejected_before_anything_is_sliced(parts: list[Path]
         ps.batch(parts, {"no_such": [1, 2]})
     with pytest.raises(ps.PrinterSlicerError, match="no values"):
         ps.batch(parts, {"walls": []})
+    for jobs in (0, -1):
+        with pytest.raises(ps.PrinterSlicerError, match="at least 1"):
+            ps.batch(parts, jobs=jobs)
     with pytest.raises(ps.PrinterSlicerError, match="missing"):
         ps.batch([parts[0].with_name("missing.stl")])
