@@ -91,7 +91,7 @@ def _explain_errors(path: Path) -> Iterator[None]:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise OutputError(
             f"{path}: cannot be written: {reason}",
-            remedy="Check the name, the free space and the permissions, or choose another file with -o",
+            remedy="Check the name, the free space and the permissions, or choose another file",
         ) from None
 
 

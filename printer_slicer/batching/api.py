@@ -65,6 +65,10 @@ def batch(
     check_argument("parts", parts, (list, tuple))
     if jobs is not None and jobs < 1:
         raise UsageError(f"jobs={jobs}: must be at least 1", remedy="Leave it out for one per processor")
+    if resume and output_dir is None:
+        raise UsageError(
+            "resume needs an output_dir", remedy="Give the folder of the batch that was interrupted"
+        )
     tasks = _list_tasks([Path(part) for part in parts], settings or {})
     folder = None if output_dir is None else Path(output_dir)
     if folder is not None:

@@ -122,7 +122,9 @@ def _check_features(quality: Quality, planner: OptimalPlanner) -> Iterator[Confl
         yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.spiral to false")
     if planner.max_layers:
         problem = "the number of layers cannot be limited for features with layers of their own"
-        yield Conflict("quality.planner.stacks", problem, "Set it to objects, or quality.planner.max_layers to 0")
+        yield Conflict(
+            "quality.planner.stacks", problem, "Set it to objects, or quality.planner.max_layers to 0"
+        )
 
 
 def find_planner_conflicts(quality: Quality) -> Iterator[Conflict]:

@@ -55,5 +55,7 @@ def test_wrong_settings_are_rejected_before_anything_is_sliced(parts: list[Path]
     for jobs in (0, -1):
         with pytest.raises(ps.PrinterSlicerError, match="at least 1"):
             ps.batch(parts, jobs=jobs)
+    with pytest.raises(ps.PrinterSlicerError, match="resume needs an output_dir"):
+        ps.batch(parts, resume=True)
     with pytest.raises(ps.PrinterSlicerError, match="missing"):
         ps.batch([parts[0].with_name("missing.stl")])
