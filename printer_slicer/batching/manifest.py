@@ -93,7 +93,7 @@ class Manifest:
             yield
         except OSError as error:
             raise OutputError(
-                f"{self.path}: {error.strerror or error}", remedy="Free some space, then use --resume"
+                f"{self.path}: {error.strerror or error}", remedy="Free some space, then resume the batch"
             ) from None
 
     def close(self) -> None:

@@ -76,7 +76,8 @@ class TaskModel(Struct, frozen=True):
         found = read_task_model(Path(self.path), keeps_content=keeps_content)
         if found.sha256 != self.sha256:
             raise UsageError(
-                f"{self.path}: the file has changed since the batch began", remedy="Use --resume to slice it"
+                f"{self.path}: the file has changed since the batch began",
+                remedy="Resume the batch to slice it",
             )
         return found
 

@@ -19,9 +19,7 @@ from printer_slicer.sequencing.obstacles import (
 
 __all__ = ["find_print_order"]
 
-_REMEDY: Final = (
-    "Arrange the parts farther apart (--arrange), or print them layer by layer (print_order = by_layer)"
-)
+_REMEDY: Final = "Arrange the parts farther apart, or print them layer by layer (print_order = by_layer)"
 _REMEDY_FOR_GANTRY: Final = (
     "Put them on separate plates, or print them layer by layer (print_order = by_layer)"
 )
