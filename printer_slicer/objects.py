@@ -175,10 +175,24 @@ def cut_objects(
         PartError: no layer contains material, or the contours cannot be closed.
     """
     cuts = [
-        compensate(cut(mesh, plan, own.quality.resolution), own)
+        compensate(_cut_object(mesh, plan, own), own)
         for mesh, plan, own in zip(meshes, plans, profiles, strict=True)
     ]
     return _subtract_earlier(cuts)
+
+
+def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
+    """Cut a mesh; with contoured tops, also find the areas in which extrusions are lower than their layers."""
+    resolution = profile.quality.resolution
+    if not profile.quality.z_contouring:
+        return cut(mesh, plan, resolution)
+    from printer_slicer.contouring import find_reached_areas, find_tops  # noqa: PLC0415 - off by default
+
+    tops = find_tops(mesh, plan, profile)
+    if tops is None:
+        return cut(mesh, plan, resolution)
+    to_cut, to_top = find_reached_areas(tops, profile, overlap=2 * resolution)
+    return replace(cut(mesh, plan, resolution, to_cut), contoured=to_top)
 
 
 def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:

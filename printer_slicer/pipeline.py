@@ -198,7 +198,7 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     solid, walls, regions, found, supports = made
     report("ordering")
     printed = _stand_on_raft(paths, (solid, supports), profile)
-    toolpaths = order(paths.pop(), printed, profile)
+    toolpaths = _order(paths, printed, part, float(printed.plan.top[-1] - solid.plan.top[-1]), profile)
     if profile.quality.arc_tolerance:
         from printer_slicer.curves import fit_arcs  # noqa: PLC0415 - few profiles allow arcs
 
@@ -225,6 +225,23 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     found_overhangs = _join_overhangs(found)
     stacks = make_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan)
     return Stages(part, solid, walls, regions, *made_later, *found_overhangs, supports, stacks=stacks)
+
+
+def _order(paths: list[Toolpaths], printed: Sections, part: Mesh, lift: float, profile: Profile) -> Toolpaths:
+    """Return the only paths of a list in printing order, which are removed from it, with contoured tops if asked for.
+
+    `lift` is the height of the raft under the part, mm.
+    """
+    if not profile.quality.z_contouring:
+        return order(paths.pop(), printed, profile)
+    from printer_slicer.contouring import FacetBins, contour, find_contoured_paths, find_tops  # noqa: PLC0415
+
+    tops = find_tops(part, printed.plan, profile, lift)
+    if tops is None:
+        return order(paths.pop(), printed, profile)
+    bins = FacetBins.from_tops(tops)
+    is_contoured = find_contoured_paths(paths[0], bins)
+    return contour(order(paths.pop(), printed, profile, is_contoured), bins, profile)
 
 
 def _slice_one_by_one(part: Mesh, plan: Plans, profile: Profile, run: Callable[..., Stages]) -> Stages:

@@ -8,7 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, reorder_points
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, difference, normalize, offset, simplify, union
+from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, simplify, union
 from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
@@ -40,6 +40,7 @@ __all__ = [
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
 _CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
+_SLIVER = 0.01  # mm; half the width of slivers that are removed
 _MOST_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
 _BLOCKER_MARGIN = 0.01  # mm; blockers are grown by this, so that no slivers remain at their sides
@@ -47,7 +48,7 @@ _PAINT_MARGIN = 0.1  # mm; painted facets are grown by this
 _MEND = "Close the mesh in your CAD program: look for missing or flipped faces there"
 
 
-def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
+def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = None) -> Sections:
     """Compute the solid area of the part in each layer, without the negative volumes.
 
     Args:
@@ -55,6 +56,8 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
         plan: the layers and their cut planes.
         resolution: tolerance for simplifying contours before polygon operations, mm. With positive or negative
             containment a smaller one is used, and the result never violates the containment.
+        reached: areas beside the sections that extrusions lower than their layer fill; they are added. They overlap the
+            sections by more than the resolution.
 
     Raises:
         PartError: no layer contains material, or the contours cannot be closed.
@@ -68,9 +71,18 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float) -> Sections:
             remedy="Check size and unit of the part: it may be thinner than one layer, or inside out",
         )
     inverted = None if exact else _find_inverted_areas(rings.areas, solid)
+    if reached is not None:
+        solid = _add_reached_areas(solid, reached, resolution)
     if mesh.volumes and mesh.volumes.negative:
         solid = _subtract_negative(mesh, mesh.volumes.negative, plan, solid)
     return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
+
+
+def _add_reached_areas(solid: Areas, reached: Areas, resolution: float) -> Areas:
+    """Add areas to the solid areas, without the slivers and the many points that this makes along their borders."""
+    changed = reached.used
+    joined = offset_open(union(solid.of_layers(changed), reached), _SLIVER)
+    return solid.of_layers(~changed).merge(normalize(simplify(joined, resolution)))
 
 
 def _subtract_negative(mesh: Mesh, negative: Mesh, plan: LayerPlan, solid: Areas) -> Areas:

@@ -9,7 +9,7 @@ from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross
 
-__all__ = ["BESIDE", "project_slabs"]
+__all__ = ["BESIDE", "project_pieces", "project_slabs"]
 
 BESIDE = 2e-5
 """mm; margin left out at both ends of a slab, because 32-bit coordinates round heights near its borders."""
@@ -38,10 +38,24 @@ def project_slabs(triangles: Float, bottom: Float, top: Float) -> Areas:
     facets = np.flatnonzero(np.abs(area) > _NO_AREA)
     owner, place = expand_counts(np.maximum(last - first, 0)[facets])
     facet = facets[owner]
-    slab = first[facet] + place
     # Make all facets counter-clockwise as seen from above.
     corners = np.where((area[facet] > 0)[:, None, None], triangles[facet], triangles[facet][:, ::-1])
-    xy, size = _clip_triangles(corners, low[slab], high[slab])
+    return project_pieces(corners, first[facet] + place, bottom, top)
+
+
+def project_pieces(triangles: Float, slab: Int, bottom: Float, top: Float) -> Areas:
+    """Project the part of each triangle that lies within its own slab onto the bed.
+
+    Args:
+        triangles: (n, 3, 3) mm, counter-clockwise as seen from above, none of them vertical.
+        slab: (n,) slab of each triangle.
+        bottom: (L,) mm.
+        top: (L,) mm.
+
+    Returns:
+        One layer per slab, with rings that may overlap.
+    """
+    xy, size = _clip_triangles(triangles, (bottom + BESIDE)[slab], (top - BESIDE)[slab])
     layers, order = slab[size > 0], np.argsort(slab[size > 0], kind="stable")
     return _stack_rings(xy, size[size > 0], layers, order, len(bottom))
 

@@ -246,6 +246,23 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         of_path = {name: getattr(self, name).take(path) for name in _PATH_COLUMNS}
         return replace(self, start=start, **columns, **of_path)
 
+    def arrange(self, path: Int, is_reversed: Bool) -> Toolpaths:
+        """Return the paths `path` (m,) in this order, by layer; those of the mask `is_reversed` (m,) run backward."""
+        size, first = np.diff(self.start)[path], self.start[path]
+        start = np.append(0, np.cumsum(size))
+
+        def find_points(some: slice) -> tuple[Int, Int]:
+            """Return for the points of some paths the former points, and those with their support ratio."""
+            count, back = size[some], is_reversed[some]
+            at = consecutive(np.zeros_like(count), count)
+            at *= np.repeat(1 - 2 * back, count)
+            point = np.repeat(first[some] + (count - 1) * back, count) + at
+            # `support_ratio` belongs to the segment after a point; in reversed paths that is the segment before it.
+            supported = np.maximum(point - np.repeat(back, count), np.repeat(first[some], count))
+            return point, supported
+
+        return self.rebuild(find_points, start, path)[0]
+
     def rebuild(
         self, find_points: Callable[[slice], tuple[Int, Int]], start: Int, path: Int
     ) -> tuple[Toolpaths, dict[str, Float]]:

@@ -26,8 +26,17 @@ from printer_slicer.profile import Profile
 __all__ = ["apply_spiral_settings", "order"]
 
 
-def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
+def order(
+    paths: Toolpaths, sections: Sections, profile: Profile, is_contoured: Bool | None = None
+) -> Toolpaths:
     """Return the paths in printing order; open paths may be reversed, and loops start at their seam.
+
+    Args:
+        paths: all paths.
+        sections: the islands of the layers.
+        profile: order and seams.
+        is_contoured: (M,) mask of the paths that will follow the surface. Their walls are printed from the outside in,
+            which is from low to high, before infill, and without scarf seams. Default: none.
 
     Raises:
         PartError: spiral mode is on, and a layer does not have exactly one outline.
@@ -37,18 +46,21 @@ def order(paths: Toolpaths, sections: Sections, profile: Profile) -> Toolpaths:
     if profile.quality.spiral:
         paths = select_spiral_paths(paths, profile)
     # Each step replaces `paths`, so that the memory of the paths before it is released.
+    if is_contoured is None:
+        is_contoured = np.zeros(paths.n_paths, np.bool_)
     paths = close_loops(paths)
     paths = place_seams(paths, profile)
     island = _find_islands(paths, sections.solid)
     paths = start_near_seams(paths, island, profile)
-    paths, clusters = cluster_walls(paths, find_inner_loops(paths), profile)
-    units = group_units(paths, island, clusters, profile)
-    paths = _apply_order(paths, units, *route_units(units))
+    paths, clusters = cluster_walls(paths, find_inner_loops(paths), profile, is_contoured)
+    units = group_units(paths, island, clusters, profile, is_contoured)
+    paths, former = _apply_order(paths, units, *route_units(units))
     paths = start_near_nozzle(paths, profile)
     if profile.quality.spiral:
         return make_spiral(paths, profile)
+    flat_loops = ~is_contoured[former][paths.closed]
     paths = split_lines(paths)
-    return add_scarfs(paths, profile)
+    return add_scarfs(paths, profile, np.flatnonzero(paths.closed)[flat_loops])
 
 
 def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
@@ -63,24 +75,14 @@ def _find_islands(paths: Toolpaths, solid: Areas) -> Int:
     return island
 
 
-def _apply_order(paths: Toolpaths, units: Units, sequence: Int, is_reversed: Bool) -> Toolpaths:
-    """Return the paths of the units in the order `sequence` (U,); paths of units `is_reversed` (U,) run backward."""
+def _apply_order(paths: Toolpaths, units: Units, sequence: Int, is_reversed: Bool) -> tuple[Toolpaths, Int]:
+    """Return the paths of the units in the order `sequence` (U,), and their former indices.
+
+    Paths of units `is_reversed` (U,) run backward.
+    """
     size = np.diff(units.start)[sequence]
     around = np.repeat(is_reversed, size)
     step = consecutive(np.zeros_like(size), size)
     within = np.where(around, np.repeat(size, size) - 1 - step, step)
     path = units.path[np.repeat(units.start[sequence], size) + within]
-    size, back, first = np.diff(paths.start)[path], around, paths.start[path]
-    start = np.append(0, np.cumsum(size))
-
-    def find_points(some: slice) -> tuple[Int, Int]:
-        """Return for the points of some paths the points that they were, and those that have their support ratio."""
-        count = size[some]
-        at = consecutive(np.zeros_like(count), count)
-        at *= np.repeat(1 - 2 * back[some], count)
-        point = np.repeat(first[some] + (count - 1) * back[some], count) + at
-        # `support_ratio` belongs to the segment after a point; in reversed paths that is the segment before it.
-        supported = np.maximum(point - np.repeat(back[some], count), np.repeat(first[some], count))
-        return point, supported
-
-    return paths.rebuild(find_points, start, path)[0]
+    return paths.arrange(path, around), path

@@ -18,13 +18,18 @@ from printer_slicer.values import replace
 __all__ = ["add_scarfs"]
 
 
-def add_scarfs(paths: Toolpaths, profile: Profile) -> Toolpaths:
-    """Add scarf seams to external perimeters that are long enough, except in the first layer."""
+def add_scarfs(paths: Toolpaths, profile: Profile, allowed: Int | None = None) -> Toolpaths:
+    """Add scarf seams to external perimeters that are long enough, except in the first layer.
+
+    `allowed` (n,) are the loops that may have one; default: all.
+    """
     quality = profile.quality
     if not quality.scarf_length:
         return paths
     roles = [Role.EXTERNAL_PERIMETER, *([Role.PERIMETER] if quality.scarf_inner else [])]
-    loops = Loops.of(paths, np.flatnonzero(paths.closed & np.isin(paths.role, roles) & (paths.layer > 0)))
+    allowed = np.flatnonzero(paths.closed) if allowed is None else allowed
+    some = allowed[np.isin(paths.role[allowed], roles) & (paths.layer[allowed] > 0)]
+    loops = Loops.of(paths, some)
     long = np.flatnonzero(loops.length > 2 * quality.scarf_length)
     if not len(long):
         return paths

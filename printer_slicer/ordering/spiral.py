@@ -28,6 +28,7 @@ _SPIRAL_SETTINGS: Final = {
     "quality.solid_infill_below_area": 0,
     "quality.extra_perimeters": False,
     "quality.seam": "aligned",
+    "quality.z_contouring": False,
 }
 
 _MAX_BLEND_WIDTHS = 3.0  # maximum distance of the outline below for blending, in extrusion widths

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.arrays import Bool, Float, Int, distinct
 from printer_slicer.model import Toolpaths
 from printer_slicer.ordering.walls import WallClusters
 from printer_slicer.profile import Profile
@@ -50,12 +50,22 @@ def find_inner_loops(paths: Toolpaths) -> Int:
     return np.flatnonzero(paths.closed & (paths.role == Role.PERIMETER) & ~_is_combined(paths))
 
 
-def group_units(paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile) -> Units:
-    """Group paths into units; `island` (M,) is the island of each path."""
+def group_units(
+    paths: Toolpaths, island: Int, clusters: WallClusters, profile: Profile, is_contoured: Bool
+) -> Units:
+    """Group paths into units; `island` (M,) is the island of each path.
+
+    In islands with a path of the mask `is_contoured` (M,), perimeters come before infill.
+    """
     n = paths.n_paths
     around = roles_with(is_around=True)[paths.role] & (paths.closed | (paths.role != Role.RAFT))
     place = np.where(around, -1, island)
-    step = np.where(around, np.arange(n), _assign_steps(paths, infill_first=profile.quality.infill_first))
+    steps = _assign_steps(paths, infill_first=profile.quality.infill_first)
+    if profile.quality.infill_first and is_contoured.any():
+        key = paths.layer * (int(island.max()) + 1) + island
+        walls_first = np.isin(key, distinct(key[is_contoured]))
+        steps[walls_first] = _assign_steps(paths, infill_first=False)[walls_first]
+    step = np.where(around, np.arange(n), steps)
     # Supports are printed before the part, bases before interfaces, each in the order of short travels.
     carries = roles_with(is_support=True)[paths.role]
     step[carries] = n + (paths.role[carries] == Role.SUPPORT_INTERFACE)

@@ -39,8 +39,13 @@ class WallClusters(Struct, frozen=True, eq=False):
     turn: Int
 
 
-def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolpaths, WallClusters]:
-    """Assign inner loops `inner` (I,) to external loops, and start each near the seam of its external loop."""
+def cluster_walls(
+    paths: Toolpaths, inner: Int, profile: Profile, is_contoured: Bool
+) -> tuple[Toolpaths, WallClusters]:
+    """Assign inner loops `inner` (I,) to external loops, and start each near the seam of its external loop.
+
+    Clusters with a path of the mask `is_contoured` (M,) are printed from the outside in.
+    """
     outer = Loops.of(paths, find_external_loops(paths))
     loops = Loops.of(paths, inner)
     owner, gap, touching = _assign_owners(loops, outer, profile)
@@ -54,19 +59,21 @@ def cluster_walls(paths: Toolpaths, inner: Int, profile: Profile) -> tuple[Toolp
     is_outer = np.arange(len(path)) >= len(some)
     of = np.concatenate([owner[some], np.arange(outer.n_loops)])
     far = np.concatenate([gap[some], np.zeros(outer.n_loops)])
-    turn = _order_loops(label[of], of, far, is_outer, outside_in=profile.quality.external_perimeter_first)
+    outside_in = np.full(outer.n_loops, profile.quality.external_perimeter_first)
+    outside_in[label[of][is_contoured[path]]] = True
+    turn = _order_loops(label[of], of, far, is_outer, outside_in[label[of]])
     return begun, WallClusters(path, outer.path[label[of]], turn)
 
 
-def _order_loops(cluster: Int, owner: Int, distance: Float, is_outer: Bool, *, outside_in: bool) -> Int:
+def _order_loops(cluster: Int, owner: Int, distance: Float, is_outer: Bool, outside_in: Bool) -> Int:
     """Return the printing order (R,) of loops: inner loops (or external ones) by owner, then the other kind in reverse.
 
-    External loops without inner loops come in between.
+    External loops without inner loops come in between. Clusters in the mask `outside_in` (R,) begin with external ones.
     """
     late = is_outer ^ outside_in
     lone = ~np.isin(owner, owner[~is_outer])
     direction = np.where(late, -owner, owner) + np.where(lone, len(owner) * np.where(late, 1, -1), 0)
-    order = np.lexsort((distance if outside_in else -distance, direction, late, cluster))
+    order = np.lexsort((np.where(outside_in, distance, -distance), direction, late, cluster))
     turn = np.zeros(len(order), np.int64)
     turn[order] = np.arange(len(order))
     return turn

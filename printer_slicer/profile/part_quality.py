@@ -215,6 +215,28 @@ class PartQuality(Settings, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     scarf_inner: Annotated[
         bool, make_meta("use scarf joints for all perimeters, not only for external ones")
     ] = False
+    z_contouring: Annotated[
+        bool,
+        make_meta(
+            "let the nozzle follow shallow upper surfaces in z within a layer, so that they have no steps"
+        ),
+    ] = False
+    contour_min_height: Annotated[
+        float,
+        make_meta(
+            "minimum height of extrusions that follow an upper surface (z_contouring)", "mm", ge=0.02, le=0.2
+        ),
+    ] = 0.05
+    contour_max_slope_deg: Annotated[
+        float,
+        make_meta(
+            "steepest upper surface that extrusions follow (z_contouring), from the horizontal; 0: where it removes "
+            "more error than the width of the extrusion makes, at most 35",
+            "degrees",
+            ge=0,
+            le=45,
+        ),
+    ] = 0
     avoid_crossing: Annotated[
         bool, make_meta("keep travel moves inside the part, around holes and corners, where that is possible")
     ] = True

@@ -119,6 +119,15 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ),
     ] = ("0: 65", "20: -999x-999 999x999")
     nozzle_diameter: Annotated[float, make_meta("diameter of the nozzle", "mm", ge=0.1, le=2)] = 0.4
+    nozzle_flat_diameter: Annotated[
+        float,
+        make_meta(
+            "diameter of the flat underside of the nozzle around its hole; 0: 2.5 nozzle diameters",
+            "mm",
+            ge=0,
+            le=10,
+        ),
+    ] = 0
     z_step: Annotated[
         float, make_meta("step of the Z axis; all layer heights are multiples of it", "mm", ge=0.0005, le=0.1)
     ] = 0.01

@@ -1,0 +1,23 @@
+"""Contoured tops: within a layer, the nozzle follows shallow upper surfaces of the part in z.
+
+A flat layer differs from a sloped surface by a quarter of its height on average. The underside of the nozzle is flat,
+so a contoured extrusion is level across its width, and exact along it: it differs by a quarter of width · tan(slope),
+whatever the layer height is. So only shallow surfaces are followed, see `find_steepest_slopes`.
+
+    Mesh, LayerPlan     -> `find_tops`            -> Tops: the shallow upward facets, by layer
+    Tops                -> `find_reached_areas`   -> Areas by which `slicing` widens sections: what low extrusions reach
+    Tops                -> `FacetBins`            -> the same facets, by layer and place
+    Toolpaths, bins     -> `find_contoured_paths` -> `ordering` prints these walls from the outside in, without scarfs
+    Toolpaths, bins     -> `contour`              -> Toolpaths with `z_offset` and `flow_ratio`
+
+Sources: H. Song, N. Ray, D. Sokolov, S. Lefebvre 2017, "Anti-aliasing for fused filament deposition", for heights that
+vary along a path within its layer. The rule of slopes, the fades and the order are derived in docs/contoured-tops.md.
+"""
+
+from __future__ import annotations
+
+from printer_slicer.contouring.paths import contour, find_contoured_paths
+from printer_slicer.contouring.surface_heights import FacetBins
+from printer_slicer.contouring.tops import Tops, find_reached_areas, find_tops
+
+__all__ = ["FacetBins", "Tops", "contour", "find_contoured_paths", "find_reached_areas", "find_tops"]

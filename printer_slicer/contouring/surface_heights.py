@@ -1,0 +1,211 @@
+"""Heights of the shallow upper surfaces over points of layers.
+
+Facets are listed in bins, the square cells of each layer that they reach. Points look up the bin in which they lie, so
+that each point is compared only with the few facets there: a join of two sorted lists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
+from printer_slicer.contouring.tops import Tops
+from printer_slicer.geometry.facet_topology import expand_counts
+from printer_slicer.geometry.vectors import cross
+from printer_slicer.values import Struct
+
+__all__ = ["FacetBins", "LayerPoints"]
+
+_CELL: Final = 1.0  # mm
+_PAIRS_AT_ONCE: Final = 1 << 20  # bounds the memory for pairs of points and facets
+_BESIDE: Final = 1e-4  # mm; a point this far outside a facet is on it, so that none falls between two facets
+_ROUNDING: Final = 1e-6  # mm, and tangents of slopes
+
+
+class LayerPoints(Struct, frozen=True, eq=False):
+    """Points of layers over which surface heights are asked for.
+
+    Attributes:
+        xy: (N, 2) mm.
+        layer: (N,) layer of each point.
+        bottom: (N,) mm; surfaces below are not of this layer.
+        top: (N,) mm; surfaces above are not of this layer.
+        steepest: (N,) tangent of the steepest slope that counts.
+    """
+
+    xy: Float
+    layer: Int
+    bottom: Float
+    top: Float
+    steepest: Float
+
+
+class FacetBins(Struct, frozen=True, eq=False):
+    """The facets in each cell of each layer.
+
+    Attributes:
+        origin: (2,) lower corner of the grid of cells, as a number of cells from the origin.
+        shape: number of cells in x and in y.
+        key: (B,) numbers of the bins that are not empty, ascending.
+        start: (B + 1,) bin `i` has the facets `facet[start[i]:start[i + 1]]`.
+        facet: (P,) indices of facets.
+        tops: the facets.
+        plane: (T, 3) z of the plane of each facet at x = y = 0, mm, and its slopes in x and y.
+    """
+
+    origin: Int
+    shape: tuple[int, int]
+    key: Int
+    start: Int
+    facet: Int
+    tops: Tops
+    plane: Float
+
+    @classmethod
+    def from_tops(cls, tops: Tops) -> FacetBins:
+        """List the facets of tops in bins."""
+        cells = np.floor(tops.corners[..., :2].reshape(-1, 2) / _CELL).astype(np.int64)
+        origin = cells.min(axis=0) - 1
+        width, depth = (cells.max(axis=0) + 2 - origin).tolist()
+        plane = _find_planes(tops.corners)
+        reach, x, y = _list_cells(tops, plane)
+        key = (tops.layer[reach] * depth + y - origin[1]) * width + x - origin[0]
+        order = np.argsort(key, kind="stable")
+        key = key[order]
+        begins = np.flatnonzero(run_starts(key))
+        start = np.append(begins, len(key))
+        return cls(origin, (width, depth), key[begins], start, tops.facet[reach[order]], tops, plane)
+
+    def find_bins(self, xy: Float, layer: Int) -> Int:
+        """Return the index (N,) of the bin of each point (N, 2) of layers (N,); -1 if there are no facets."""
+        cell = np.floor(xy / _CELL).astype(np.int64) - self.origin
+        width, depth = self.shape
+        inside = ((cell >= 0) & (cell < (width, depth))).all(axis=1)
+        key = (layer * depth + cell[:, 1]) * width + cell[:, 0]
+        place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
+        return np.where(inside & (self.key[place] == key), place, -1)
+
+    def find_heights(self, points: LayerPoints) -> Float:
+        """Return the z of the highest surface (N,) within the layer of each point, mm; -inf if there is none."""
+        result = np.full(len(points.xy), -np.inf)
+        bins = self.find_bins(points.xy, points.layer)
+        some = np.flatnonzero(bins >= 0)
+        count = np.diff(self.start)[bins[some]]
+        for batch in _split_by_total(count, _PAIRS_AT_ONCE):
+            point, size = some[batch], count[batch]
+            facet = self.facet[consecutive(self.start[bins[point]], size)]
+            z = self._measure_heights(points, np.repeat(point, size), facet)
+            result[point] = np.maximum.reduceat(z, np.cumsum(size) - size)
+        return result
+
+    def _measure_heights(self, points: LayerPoints, point: Int, facet: Int) -> Float:
+        """Return the z (n,) of facets (n,) over points (n,), mm; -inf beside facets and for those that do not count."""
+        xy = points.xy[point]
+        plane = self.plane[facet]
+        z = plane[:, 0] + plane[:, 1] * xy[:, 0] + plane[:, 2] * xy[:, 1]
+        counts = (z >= points.bottom[point] - _ROUNDING) & (z <= points.top[point] + _ROUNDING)
+        counts &= self.tops.slope[facet] <= points.steepest[point] + _ROUNDING
+        some = np.flatnonzero(counts)
+        counts[some] = _contain(self.tops.corners[facet[some], :, :2], xy[some])
+        return np.where(counts, z, -np.inf)
+
+
+def _find_planes(corners: Float) -> Float:
+    """Return z at x = y = 0 and the slopes in x and y (T, 3) of facets (T, 3, 3)."""
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = cross(one[:, :2], other[:, :2])
+    x = (one[:, 2] * other[:, 1] - other[:, 2] * one[:, 1]) / area
+    y = (one[:, 0] * other[:, 2] - other[:, 0] * one[:, 2]) / area
+    z = corners[:, 0, 2] - x * corners[:, 0, 0] - y * corners[:, 0, 1]
+    return np.stack([z, x, y], axis=1)
+
+
+def _contain(corners: Float, xy: Float) -> Bool:
+    """Return which triangles (n, 3, 2), counter-clockwise, contain their point (n, 2), within rounding."""
+    side = np.roll(corners, -1, axis=1) - corners
+    beyond = cross(side, xy[:, None] - corners)
+    return np.asarray((beyond >= -_BESIDE * np.hypot(side[..., 0], side[..., 1])).all(axis=1))
+
+
+def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
+    """Return for each cell that a facet covers within a layer: index of the reached layer, and the cell in x and y.
+
+    Each facet is scanned by rows of cells. In each row, its part within the heights of the layer lies within the range
+    of its sides and of its slope.
+    """
+    bottom, top = tops.plan.bottom[tops.layer] - _ROUNDING, tops.plan.top[tops.layer] + _ROUNDING
+    corners = tops.corners[tops.facet]
+    low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
+    z, x_slope, y_slope = plane[tops.facet].T
+    y_range = _clip_to_heights(
+        (z, y_slope, x_slope), (bottom, top), (low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])
+    )
+    first, last = (np.floor(one / _CELL).astype(np.int64) for one in y_range)
+    reach, place = expand_counts(np.maximum(last - first + 1, 0))
+    row = first[reach] + place
+    band = row * _CELL, (row + 1) * _CELL
+    x_range = _find_ranges_of_rows(corners[reach, :, :2], band)
+    x_range = _clip_to_heights(
+        (z[reach], x_slope[reach], y_slope[reach]), (bottom[reach], top[reach]), band, x_range
+    )
+    first, last = (np.floor(one / _CELL).astype(np.int64) for one in x_range)
+    item, place = expand_counts(np.maximum(last - first + 1, 0))
+    return reach[item], first[item] + place, row[item]
+
+
+def _clip_to_heights(
+    plane: tuple[Float, Float, Float],
+    heights: tuple[Float, Float],
+    across: tuple[Float, Float],
+    along: tuple[Float, Float],
+) -> tuple[Float, Float]:
+    """Return the part of a range along one axis in which planes lie between two heights.
+
+    Args:
+        plane: z at the origin (n,), slope along the axis (n,), slope along the other axis (n,).
+        heights: lower and upper (n,), mm.
+        across: range (n,) along the other axis, mm.
+        along: range (n,) along the axis, mm.
+    """
+    z, slope, other = plane
+    sides = z + other * across[0], z + other * across[1]
+    low, high = np.minimum(*sides), np.maximum(*sides)
+    is_level = np.abs(slope) < _ROUNDING
+    safe = np.where(is_level, 1.0, slope)
+    one, two = (heights[0] - high) / safe, (heights[1] - low) / safe
+    begin = np.where(is_level, along[0], np.maximum(along[0], np.minimum(one, two) - _BESIDE))
+    end = np.where(is_level, along[1], np.minimum(along[1], np.maximum(one, two) + _BESIDE))
+    return begin, end
+
+
+def _find_ranges_of_rows(corners: Float, band: tuple[Float, Float]) -> tuple[Float, Float]:
+    """Return the range in x (n,) of triangles (n, 3, 2) within bands of y (n,); inverted if there is nothing."""
+    begin, end = corners, np.roll(corners, -1, axis=1)
+    delta = end - begin
+    is_level = delta[..., 1] == 0
+    safe = np.where(is_level, 1.0, delta[..., 1])
+    xs = []
+    for border in band:
+        share = np.where(is_level, 0.0, (border[:, None] - begin[..., 1]) / safe)
+        xs.append(begin[..., 0] + np.clip(share, 0, 1) * delta[..., 0])
+    low = np.where(is_level, end[..., 0], xs[1])
+    inside = (np.minimum(begin[..., 1], end[..., 1]) <= band[1][:, None]) & (
+        np.maximum(begin[..., 1], end[..., 1]) >= band[0][:, None]
+    )
+    least = np.where(inside, np.minimum(xs[0], low), np.inf).min(axis=1)
+    most = np.where(inside, np.maximum(xs[0], low), -np.inf).max(axis=1)
+    return np.where(least <= most, least, 0.0), np.where(least <= most, most, -2.0 * _CELL)
+
+
+def _split_by_total(count: Int, most: int) -> Iterator[slice]:
+    """Yield slices of items whose counts add up to at most `most`, or that have a single item."""
+    total = np.cumsum(count)
+    first = 0
+    while first < len(count):
+        done = int(total[first - 1]) if first else 0
+        last = max(int(np.searchsorted(total, done + most, side="right")), first + 1)
+        yield slice(first, last)
+        first = last

@@ -1,0 +1,129 @@
+"""The shallow upper surfaces of a part, and the areas of its layers that they widen."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, normalize
+from printer_slicer.geometry.facet_topology import expand_counts
+from printer_slicer.geometry.slab_projection import project_pieces
+from printer_slicer.geometry.vectors import cross
+from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.model.layers import SAME_TOP
+from printer_slicer.profile import Profile
+from printer_slicer.values import Struct
+
+__all__ = ["Tops", "find_reached_areas", "find_steepest_slopes", "find_tops"]
+
+_ERROR_RATIO: Final = 1.2
+"""A contoured surface may rise by this many layer heights over the width of an extrusion."""
+_STEEPEST_DEG: Final = 35.0
+_NO_AREA: Final = 1e-9  # mm²
+_ROUNDING: Final = 1e-6  # mm
+
+
+class Tops(Struct, frozen=True, eq=False):
+    """The facets that contoured extrusions follow, once for each layer that they reach.
+
+    Attributes:
+        plan: the layers.
+        corners: (T, 3, 3) mm, counter-clockwise as seen from above, in the coordinates of the layers.
+        slope: (T,) tangent of the angle between each facet and the horizontal.
+        facet: (R,) a facet that reaches into a layer.
+        layer: (R,) that layer, ascending.
+        base: z at which the part begins, mm.
+    """
+
+    plan: LayerPlan
+    corners: Float
+    slope: Float
+    facet: Int
+    layer: Int
+    base: float
+
+
+def find_steepest_slopes(height: Float, profile: Profile) -> Float:
+    """Return the tangent (n,) of the steepest slope that is contoured in layers of these heights (n,), mm."""
+    if profile.quality.contour_max_slope_deg:
+        return np.full(len(height), np.tan(np.deg2rad(profile.quality.contour_max_slope_deg)))
+    return np.minimum(_ERROR_RATIO * height / profile.extrusion_width, np.tan(np.deg2rad(_STEEPEST_DEG)))
+
+
+def find_tops(mesh: Mesh, plan: LayerPlan, profile: Profile, lift: float = 0.0) -> Tops | None:
+    """Find the facets that contoured extrusions follow in the layers of a plan; None if there are none.
+
+    The first layer of the part is never contoured, nor is any if the sections are larger or smaller than the part on
+    purpose (`containment`).
+
+    Args:
+        mesh: the placed part, standing on z = 0.
+        plan: the layers.
+        profile: rules of contouring; with `quality.z_contouring` off there are no tops.
+        lift: height by which the layers of the part are raised, mm, as on a raft.
+    """
+    if not profile.quality.z_contouring or plan.containment != "mid":
+        return None
+    facet, slope = _select_shallow_facets(mesh, float(find_steepest_slopes(plan.height, profile).max()))
+    corners = mesh.triangles[facet] + np.array([0.0, 0.0, lift])
+    reaching, layer = _list_reached_layers(corners[..., 2], plan)
+    kept = slope[reaching] <= find_steepest_slopes(plan.height, profile)[layer] + _ROUNDING
+    kept &= plan.bottom[layer] > lift + SAME_TOP
+    if not kept.any():
+        return None
+    order = np.argsort(layer[kept], kind="stable")
+    return Tops(plan, corners, slope, reaching[kept][order], layer[kept][order], lift)
+
+
+def _select_shallow_facets(mesh: Mesh, steepest: float) -> tuple[Int, Float]:
+    """Return the indices (T,) of the upward facets up to a slope, and their slopes (T,), as tangents."""
+    to_second, to_third = (
+        mesh.triangles[:, 1] - mesh.triangles[:, 0],
+        mesh.triangles[:, 2] - mesh.triangles[:, 0],
+    )
+    up = cross(to_second[:, :2], to_third[:, :2])
+    some = np.flatnonzero(up > _NO_AREA)
+    one, other = to_second[some], to_third[some]
+    x = one[:, 1] * other[:, 2] - one[:, 2] * other[:, 1]
+    y = one[:, 2] * other[:, 0] - one[:, 0] * other[:, 2]
+    slope = np.hypot(x, y) / up[some]
+    shallow = slope <= steepest + _ROUNDING
+    return some[shallow], slope[shallow]
+
+
+def _list_reached_layers(z: Float, plan: LayerPlan) -> tuple[Int, Int]:
+    """Return pairs of facets, with corners at `z` (T, 3), and the layers that they reach into from above the bottom."""
+    low, high = z.min(axis=1), z.max(axis=1)
+    first = np.searchsorted(plan.top, low + _ROUNDING, side="right")
+    # Layers of different objects may overlap, so their bottoms need not ascend.
+    last = np.searchsorted(plan.top, high + float(plan.height.max()), side="right")
+    facet, place = expand_counts(np.maximum(last - first, 0))
+    layer = first[facet] + place
+    kept = plan.bottom[layer] < high[facet]
+    return facet[kept], layer[kept]
+
+
+def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> tuple[Areas, Areas]:
+    """Return the areas of each layer over which contoured extrusions are lower than the layer.
+
+    A section at the cut ends where the surface is half a layer high. A contoured extrusion may be as low as
+    `quality.contour_min_height`, so the section takes in everything where the surface is higher than half of that.
+
+    Args:
+        tops: from `find_tops`.
+        profile: the least height of extrusions.
+        overlap: height up to which the first areas extend above the cut, mm, so that they overlap the section there.
+
+    Returns:
+        The areas up to the cut, and up to the top of the layer.
+    """
+    plan = tops.plan
+    low = np.minimum(plan.bottom + profile.quality.contour_min_height / 2, plan.cut)
+    corners = tops.corners[tops.facet]
+    to_cut, to_top = (
+        normalize(project_pieces(corners, tops.layer, low, high))
+        for high in (np.minimum(plan.cut + overlap, plan.top), plan.top)
+    )
+    return to_cut, to_top

@@ -1,0 +1,138 @@
+"""The z of the nozzle along paths: smoothed, without steep changes, and with few points."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float, Int, run_starts
+from printer_slicer.values import Struct
+
+__all__ = ["MAX_CHANGE", "Positions", "find_needed_points", "limit_changes", "smooth"]
+
+_SMOOTHED_LENGTH: Final = 0.5  # mm of path over which z is averaged
+MAX_CHANGE: Final = float(np.tan(np.deg2rad(20.0)))
+"""Maximum change of z, mm per mm of path."""
+_SHORTEST: Final = 1e-6  # mm
+_TOLERANCE: Final = 0.01  # mm by which z may differ from that of points that are left out
+_GAP: Final = 100.0  # mm; apart enough that no path has an influence on the next one
+
+
+class Positions(Struct, frozen=True, eq=False):
+    """Positions of the points of paths along one common line, on which all paths follow each other with gaps.
+
+    Attributes:
+        along: (N,) mm, ascending.
+        begin: (M,) position at which each path begins, mm.
+        length: (M,) of each path, mm; of a closed one with the way back to its first point.
+        closed: (M,) whether the path returns to its first point.
+        start: (M + 1,) index of the first point of each path.
+    """
+
+    along: Float
+    begin: Float
+    length: Float
+    closed: Bool
+    start: Int
+
+    @classmethod
+    def from_steps(cls, step: Float, start: Int, closed: Bool) -> Positions:
+        """Return the positions from the distance (N,) of each point to the next one, mm."""
+        walked = np.append(0.0, np.cumsum(step))
+        begin = walked[start[:-1]] + _GAP * np.arange(len(closed))
+        along = walked[:-1] + np.repeat(_GAP * np.arange(len(closed)), np.diff(start))
+        return cls(along, begin, np.diff(walked[start]), closed, start)
+
+    @property
+    def owner(self) -> Int:
+        """Path (N,) of each point."""
+        return np.repeat(np.arange(len(self.closed)), np.diff(self.start))
+
+    def list_knots(self) -> tuple[Int, Float]:
+        """Return the points of each path and then its end, as indices of points, and the positions of both (K,), mm.
+
+        A closed path ends with its first point.
+        """
+        first, last = self.start[:-1], self.start[1:] - 1
+        order = np.insert(np.arange(len(self.along)), self.start[1:], np.where(self.closed, first, last))
+        return order, np.insert(self.along, self.start[1:], self.begin + self.length)
+
+
+def smooth(z: Float, positions: Positions) -> Float:
+    """Average z (N,) over a length of path around each point; at the ends of open paths over less."""
+    owner = positions.owner
+    begin, length, closed = (one[owner] for one in (positions.begin, positions.length, positions.closed))
+    within = positions.along - begin
+    to_end = np.where(closed, length / 2, np.minimum(within, length - within))
+    reach = np.clip(to_end, 0.0, _SMOOTHED_LENGTH / 2)
+    point, knot = positions.list_knots()
+    known = z[point]
+    areas = (known[1:] + known[:-1]) / 2 * np.diff(knot)
+    areas[(positions.start[1:-1] + np.arange(len(positions.closed) - 1))] = 0.0  # between paths
+    total = np.append(0.0, np.cumsum(areas))
+    ends = positions.start + np.append(np.arange(len(positions.closed)), len(positions.closed))
+    whole = (total[ends[1:] - 1] - total[ends[:-1]])[owner]
+
+    def integrate(along: Float) -> Float:
+        """Return the integral of z up to positions (N,) on their paths; loops continue beyond their ends."""
+        turns = np.where(closed & (length > 0), np.floor(along / np.maximum(length, 1e-12)), 0.0)
+        place = np.clip(begin + along - turns * length, begin, begin + length)
+        at = np.clip(np.searchsorted(knot, place, side="right") - 1, 0, len(knot) - 2)
+        beyond = place - knot[at]
+        change = (known[at + 1] - known[at]) / np.maximum(knot[at + 1] - knot[at], 1e-12)
+        return np.asarray(total[at] + (known[at] + change * beyond / 2) * beyond + turns * whole)
+
+    mean = (integrate(within + reach) - integrate(within - reach)) / np.maximum(2 * reach, 1e-12)
+    return np.where(reach > _SHORTEST, mean, z)
+
+
+def limit_changes(z: Float, positions: Positions) -> Float:
+    """Raise z (N,) as little as necessary, so that it changes by at most `MAX_CHANGE` per mm of path."""
+    rising = MAX_CHANGE * positions.along
+    first, last, closed = positions.start[:-1], positions.start[1:] - 1, positions.closed
+    gap = MAX_CHANGE * (positions.begin + positions.length - positions.along[last])
+    for around in (False, True):
+        z = z.copy()
+        if around:
+            z[last] = np.where(closed, np.maximum(z[last], z[first] - gap), z[last])
+            z = np.maximum.accumulate((z - rising)[::-1])[::-1] + rising
+            z[last] = np.where(closed, np.maximum(z[last], z[first] - gap), z[last])
+            z = np.maximum.accumulate((z - rising)[::-1])[::-1] + rising
+        else:
+            z = np.maximum.accumulate(z + rising) - rising
+            z[first] = np.where(closed, np.maximum(z[first], z[last] - gap), z[first])
+            z = np.maximum.accumulate(z + rising) - rising
+    return z
+
+
+def find_needed_points(z: Float, positions: Positions, is_corner: Bool) -> Bool:
+    """Return which points (N,) are corners or needed for z.
+
+    Points between two that are kept differ by at most a tolerance from the line through these.
+
+    Args:
+        z: (N,) mm.
+        positions: of the points; all of a path that are no corners lie on the straight lines between its corners.
+        is_corner: (N,) whether a point must be kept; the first points of all paths are.
+    """
+    point, knot = positions.list_knots()
+    n_paths = len(positions.closed)
+    kept = is_corner[point]
+    kept[positions.start[1:] + np.arange(n_paths)] = True
+    known = z[point]
+    active = np.flatnonzero(~kept)
+    while len(active):
+        number = np.flatnonzero(kept)
+        right = np.searchsorted(number, active)
+        left, right = number[right - 1], number[right]
+        share = (knot[active] - knot[left]) / np.maximum(knot[right] - knot[left], 1e-12)
+        error = np.abs(known[active] - known[left] - share * (known[right] - known[left]))
+        begins = np.flatnonzero(run_starts(left))
+        size = np.diff(np.append(begins, len(active)))
+        worst = np.repeat(np.maximum.reduceat(error, begins), size)
+        kept[active[(error == worst) & (worst > _TOLERANCE)]] = True
+        active = active[(worst > _TOLERANCE) & ~kept[active]]
+    result = np.zeros(len(z), np.bool_)
+    result[point[kept]] = True
+    return result
