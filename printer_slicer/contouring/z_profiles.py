@@ -131,7 +131,8 @@ def find_needed_points(z: Float, positions: Positions, is_corner: Bool) -> Bool:
         begins = np.flatnonzero(run_starts(left))
         size = np.diff(np.append(begins, len(active)))
         worst = np.repeat(np.maximum.reduceat(error, begins), size)
-        kept[active[(error == worst) & (worst > _TOLERANCE)]] = True
+        hits = np.flatnonzero((error == worst) & (worst > _TOLERANCE))
+        kept[active[hits[run_starts(left[hits])]]] = True
         active = active[(worst > _TOLERANCE) & ~kept[active]]
     result = np.zeros(len(z), np.bool_)
     result[point[kept]] = True

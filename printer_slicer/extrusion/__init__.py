@@ -19,7 +19,7 @@ from printer_slicer.extrusion.timing import copy_times, move_seconds
 from printer_slicer.model import Event, Heat, Program, ToolChange, Toolpaths, Travels
 from printer_slicer.profile import Material, Profile
 from printer_slicer.roles import Role, is_perimeter, roles_with
-from printer_slicer.values import Struct, replace
+from printer_slicer.values import Struct, field, replace
 
 __all__ = ["FullSpeedMoves", "compute_path_seconds", "cool", "extrude", "make_moves", "move_seconds"]
 
@@ -34,12 +34,15 @@ class FullSpeedMoves(Struct, frozen=True, eq=False):
         support_ratio: (K,) fraction of the width of each extrusion that lies on the layer below.
         path: (K,) the path that each move belongs to or leads to; empty in the result of `make_moves`.
         temperature_changes: between moves.
+        relative_speed: (K,) speed in relation to the fastest extrusion of a path that follows a surface; 1 for all
+            other moves. Empty if there are no such paths.
     """
 
     program: Program
     support_ratio: Float
     path: Int
     temperature_changes: tuple[Event, ...] = ()
+    relative_speed: Float = field(default_factory=lambda: np.zeros(0))
 
 
 def extrude(
@@ -69,7 +72,7 @@ def make_moves(
 
 def cool(moves: FullSpeedMoves, profile: Profile) -> Program:
     """Slow down short layers, at most to `material.min_speed`, and add the changes of the fan."""
-    program = slow_small_layers(moves.program, profile)
+    program = slow_small_layers(moves.program, profile, moves.relative_speed)
     events = [*moves.temperature_changes, *fan_events(program, moves.support_ratio, profile), *program.events]
     return copy_times(replace(program, events=tuple(sorted(events, key=lambda event: event.index))), program)
 
@@ -118,7 +121,7 @@ def _make_moves(
         centre = np.full((program.n_moves, 2), np.nan)
         centre[is_bead] = paths.centre[begin]
         program = replace(program, centre=centre)
-    return FullSpeedMoves(program, values.support_ratio, path)
+    return FullSpeedMoves(program, values.support_ratio, path, relative_speed=values.relative_speed)
 
 
 def _list_tool_changes(tool: SmallInt) -> list[ToolChange]:

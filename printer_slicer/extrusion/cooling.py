@@ -29,14 +29,19 @@ _FAN_STEP = 0.05  # smaller changes of the fan are not written
 _SLOWING_ROUND: Final = np.array([row.slowed_in for row in ROLES], np.int8)
 
 
-def slow_small_layers(program: Program, profile: Profile) -> Program:
-    """Slow down extrusions on layers that print too fast to cool."""
+def slow_small_layers(program: Program, profile: Profile, relative_speed: Float) -> Program:
+    """Slow down extrusions on layers that print too fast to cool.
+
+    A path that follows a surface is slowed down as a whole, until its fastest extrusion has the minimum speed, so that
+    its flow stays even. `relative_speed` (K,) is the speed in relation to that extrusion; empty: 1 for all moves.
+    """
     material = profile.material
     if not material.min_layer_time:
         return program
     motion = program.speed, move_seconds(program, profile)
     # The lower bound must not make slower moves faster, such as those of the first layer.
-    floor = np.minimum(program.speed, material.min_speed)
+    least = material.min_speed * relative_speed if len(relative_speed) else material.min_speed
+    floor = np.minimum(program.speed, least)
     extrudes, slowed_in = program.role != Role.TRAVEL, _SLOWING_ROUND[program.role]
     group = _group_layers(program)
     for last in range(int(_SLOWING_ROUND.max()) + 1):

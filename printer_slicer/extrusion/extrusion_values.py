@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Bool, Float, Int
+from printer_slicer.extrusion.lowered_paths import find_lowered_paths
 from printer_slicer.extrusion.move_rows import MoveKind, MoveRows
 from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
@@ -30,6 +31,8 @@ class _BeadValues(Struct, frozen=True, eq=False):
         share: (B,) fraction of the cross-section that is extruded, mean along the move.
         flow: (B,) flow ratio.
         support_ratio: (B,) fraction of the width that rests on the layer below.
+        climb: (B,) change of z, mm.
+        is_lowered: (B,) whether the path follows a surface.
     """
 
     length: Float
@@ -38,6 +41,8 @@ class _BeadValues(Struct, frozen=True, eq=False):
     share: Float
     flow: Float
     support_ratio: Float
+    climb: Float
+    is_lowered: Bool
 
     @property
     def cross_section(self) -> Float:
@@ -59,6 +64,8 @@ class MoveValues(Struct, frozen=True, eq=False):
         width: (K,) mm, mean along an extrusion; 0 for other moves.
         height: (K,) mm, mean along an extrusion; 0 for other moves.
         support_ratio: (K,) fraction of the width of an extrusion that rests on the layer below; 0 for other moves.
+        relative_speed: (K,) speed in relation to the fastest extrusion of a path that follows a surface; 1 for all
+            other moves. Empty if there are no such paths.
     """
 
     speed: Float
@@ -66,6 +73,7 @@ class MoveValues(Struct, frozen=True, eq=False):
     width: Float
     height: Float
     support_ratio: Float
+    relative_speed: Float
 
 
 def compute_move_values(
@@ -80,22 +88,37 @@ def compute_move_values(
     filament[rows.pulls] = rows.pulled
     supported = [_supported_speeds(paths, profile) for profile in profiles]
     moves = np.flatnonzero(rows.is_bead).astype(np.int32)
+    lowered = find_lowered_paths(paths, profiles[0])
     for first in range(0, len(moves), _BEADS_AT_ONCE):
         some = slice(first, first + _BEADS_AT_ONCE)
         move = moves[some]
         path = rows.path[move]
-        beads = _compute_bead_values(paths, (rows.begin[some], rows.end[some], path), profiles)
+        beads = _compute_bead_values(paths, (rows.begin[some], rows.end[some], path), profiles, lowered)
         filament[move] = beads.filament(diameter[paths.tool[path]])
         speed[move] = _bead_speeds(paths, path, beads, supported, profiles)
         width[move], height[move] = beads.width, beads.height * beads.share
         support_ratio[move] = beads.support_ratio
-    return MoveValues(speed, filament, width, height, support_ratio)
+    relative = _find_relative_speeds(speed, rows, lowered) if lowered.any() else np.zeros(0)
+    return MoveValues(speed, filament, width, height, support_ratio, relative)
+
+
+def _find_relative_speeds(speed: Float, rows: MoveRows, lowered: Bool) -> Float:
+    """Return the relative speed (K,) of moves for the mask `lowered` (M,) of paths that follow a surface."""
+    moves = np.flatnonzero(rows.is_bead & lowered[rows.path])
+    fastest = np.zeros(len(lowered))
+    np.maximum.at(fastest, rows.path[moves], speed[moves])
+    result = np.ones(len(speed))
+    result[moves] = speed[moves] / fastest[rows.path[moves]]
+    return result
 
 
 def _compute_bead_values(
-    paths: Toolpaths, moves: tuple[Int, Int, Int], profiles: tuple[Profile, ...]
+    paths: Toolpaths, moves: tuple[Int, Int, Int], profiles: tuple[Profile, ...], lowered: Bool
 ) -> _BeadValues:
-    """Compute the values of extrusions from their first and last points (B,) and their paths (B,)."""
+    """Compute the values of extrusions from their first and last points (B,) and their paths (B,).
+
+    `lowered` (M,) is the mask of the paths that follow a surface.
+    """
     start, end, path = moves
     delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
     climbed = paths.z_offset[end] - paths.z_offset[start]
@@ -113,6 +136,8 @@ def _compute_bead_values(
         (paths.flow_ratio[start] + paths.flow_ratio[end]) / 2,
         np.where(paths.begins_at(0)[path], first, 1.0) * flow,
         paths.support_ratio[start],
+        climbed,
+        lowered[path],
     )
 
 
@@ -170,7 +195,29 @@ def _bead_speeds_of_profile(
     speed = np.where(is_overhang, np.minimum(slower, speeds.bridge + faster), speed)
     on_bed = profile.material.first_layer_max_flow_ratio
     melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
-    return np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
+    limited = np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
+    if beads.is_lowered.any():
+        return np.where(beads.is_lowered, _speeds_for_even_flow(beads, speed, melted, profile), limited)
+    return limited
+
+
+def _speeds_for_even_flow(beads: _BeadValues, speed: Float, melted: Float, profile: Profile) -> Float:
+    """Return the speed (B,) of extrusions that follow a surface, mm/s: where they are thinner, they are slower.
+
+    The flow stays that of the full cross-section, so that the pressure in the nozzle need not change. The z axis limits
+    the speed where they climb.
+
+    Args:
+        beads: the extrusions.
+        speed: (B,) speed at full height, mm/s.
+        melted: (B,) maximum flow, mm³/s.
+        profile: minimum speed and speed of the z axis.
+    """
+    share = np.maximum(beads.share, 1e-9)
+    full = np.minimum(speed, melted * share / np.maximum(beads.cross_section, 1e-9))
+    even = np.maximum(full * share, np.minimum(full, profile.material.min_speed))
+    steepness = np.abs(beads.climb) / np.maximum(beads.length, 1e-9)
+    return np.minimum(even, profile.printer.max_speed_z / np.maximum(steepness, 1e-9))
 
 
 def _overhang_speed_limits(support_ratio: Float, full_speed: Float, profile: Profile) -> Float:

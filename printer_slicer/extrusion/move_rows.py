@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, SmallInt
+from printer_slicer.extrusion.lowered_paths import find_lowered_paths
 from printer_slicer.extrusion.wiping import Wipes, find_wipes
 from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
@@ -17,6 +18,7 @@ __all__ = ["APPROACH", "MoveKind", "MoveRows", "list_moves"]
 APPROACH = 2.0  # mm above the first layer: height of the first travel
 _SHORTEST_EXTRUSION = 0.003  # mm
 _ROUNDING = 1e-6  # mm
+_NEXT_ROW_WIDTHS = 1.5  # extrusion widths; distance up to which a travel leads to a neighbouring row
 _RAMP_SLOPE = 3.0  # mm of travel per mm of a ramped lift
 
 
@@ -119,7 +121,29 @@ def _find_travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _
     hop = np.where(travels.retract, profile.printer.z_hop, 0.0)
     hop[:1] = APPROACH
     # A path that starts lower than the previous one ends is approached from above.
-    return _TravelEnds(*find_travel_ends(paths), leave, np.maximum(leave, start) + hop, start)
+    begin_xy, end_xy = find_travel_ends(paths)
+    travel_z = np.maximum(np.maximum(leave, start), _find_clear_heights(paths, begin_xy, end_xy, profile))
+    return _TravelEnds(begin_xy, end_xy, leave, travel_z + hop, start)
+
+
+def _find_clear_heights(paths: Toolpaths, begin: Float, end: Float, profile: Profile) -> Float:
+    """Return the z (M,) that the travel to each path must reach where paths follow a surface, mm; elsewhere -inf.
+
+    Between its ends there may be extrusions as high as the layers. Only a step to the next row passes over none.
+
+    Args:
+        paths: in printing order.
+        begin: (M, 2) start of each travel, mm.
+        end: (M, 2) its end, mm.
+        profile: whether paths follow surfaces, and their widths.
+    """
+    lowered = find_lowered_paths(paths, profile)
+    if not lowered.any():
+        return np.full(paths.n_paths, -np.inf)
+    before = np.append(0, np.arange(paths.n_paths - 1))
+    is_far = np.hypot(*(end - begin).T) > _NEXT_ROW_WIDTHS * profile.extrusion_width
+    top = np.maximum(paths.z_top, paths.z_top[before])
+    return np.where((lowered | lowered[before]) & is_far, top, -np.inf)
 
 
 def _count_moves(paths: Toolpaths, travels: Travels, wipes: Wipes, ends: _TravelEnds) -> Int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive
+from printer_slicer.extrusion.lowered_paths import find_lowered_paths
 from printer_slicer.model import Toolpaths, Travels
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
@@ -31,13 +32,16 @@ class Wipes(Struct, frozen=True, eq=False):
 
 
 def find_wipes(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
-    """Return the wipes before all paths: backward over open paths, forward along loops."""
+    """Return the wipes before all paths: backward over open paths, forward along loops.
+
+    There are none over paths that follow a surface, because the nozzle would enter their higher parts.
+    """
     printer = profile.printer
     n = paths.n_paths
     standing = np.where(travels.retract, printer.retract_length, 0.0)
-    if not printer.wipe_distance or not travels.retract.any():
+    wiped = np.flatnonzero(travels.retract & ~np.append(False, find_lowered_paths(paths, profile)[:-1]))
+    if not printer.wipe_distance or not len(wiped):
         return Wipes(np.zeros((0, 2)), np.zeros(n + 1, np.int64), np.zeros(0), standing)
-    wiped = np.flatnonzero(travels.retract)
     over = wiped - 1
     size = np.diff(paths.start)[over]
     # List the points of each path in the order of the wipe; loops return to their first point.
