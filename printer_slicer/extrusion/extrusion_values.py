@@ -6,8 +6,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int
-from printer_slicer.extrusion.lowered_paths import find_lowered_paths
-from printer_slicer.extrusion.move_rows import MoveKind, MoveRows
+from printer_slicer.extrusion.move_rows import MoveKind, MoveRows, find_lowered_paths
 from printer_slicer.model import Toolpaths
 from printer_slicer.profile import Profile, Speeds
 from printer_slicer.roles import ROLES, Role, is_perimeter, roles_with

@@ -7,13 +7,12 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, SmallInt
-from printer_slicer.extrusion.lowered_paths import find_lowered_paths
 from printer_slicer.extrusion.wiping import Wipes, find_wipes
 from printer_slicer.model import Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
 
-__all__ = ["APPROACH", "MoveKind", "MoveRows", "list_moves"]
+__all__ = ["APPROACH", "MoveKind", "MoveRows", "find_lowered_paths", "list_moves"]
 
 APPROACH = 2.0  # mm above the first layer: height of the first travel
 _SHORTEST_EXTRUSION = 0.003  # mm
@@ -60,8 +59,9 @@ class MoveRows(Struct, frozen=True, eq=False):
 
 def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows:
     """List the moves that print paths in order."""
-    wipes = find_wipes(paths, travels, profile)
-    ends = _find_travel_ends(paths, travels, profile)
+    lowered = find_lowered_paths(paths, profile)
+    wipes = find_wipes(paths, travels, profile, np.append(False, lowered[:-1]))
+    ends = _find_travel_ends(paths, travels, profile, lowered)
     count = _count_moves(paths, travels, wipes, ends)
     path = np.repeat(np.arange(paths.n_paths), count.sum(axis=1))
     kind = np.repeat(np.tile(np.arange(MoveKind.BEAD + 1, dtype=np.int8), paths.n_paths), count.ravel())
@@ -80,6 +80,20 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
     return MoveRows(
         path, kind, np.concatenate([xyz, xyz[-1:]]), *_list_pulls(path, kind, wipes, profile), begin, end
     )
+
+
+def find_lowered_paths(paths: Toolpaths, profile: Profile) -> Bool:
+    """Return a mask (M,) of the paths that follow a surface: lower than their top somewhere, else with full flow.
+
+    Scarf seams also are lower than their top, but the rest of their flow comes at the top.
+    """
+    result = np.zeros(paths.n_paths, np.bool_)
+    if not profile.quality.z_contouring:
+        return result
+    owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    result[owner[paths.z_offset < 0]] = True
+    result[owner[(paths.z_offset == 0) & (paths.flow_ratio < 1)]] = False
+    return result
 
 
 def _list_pulls(path: Int, kind: SmallInt, wipes: Wipes, profile: Profile) -> tuple[Int, Float]:
@@ -112,8 +126,8 @@ class _TravelEnds(Struct, frozen=True, eq=False):
     path_z: Float
 
 
-def _find_travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _TravelEnds:
-    """Return start, end and heights of the travel to each path."""
+def _find_travel_ends(paths: Toolpaths, travels: Travels, profile: Profile, lowered: Bool) -> _TravelEnds:
+    """Return start, end and heights of the travel to each path; `lowered` (M,) are those that follow a surface."""
     first, last = paths.start[:-1], paths.start[1:] - 1
     top = paths.z_top
     start, end = top + paths.z_offset[first], top + paths.z_offset[np.where(paths.closed, first, last)]
@@ -122,22 +136,24 @@ def _find_travel_ends(paths: Toolpaths, travels: Travels, profile: Profile) -> _
     hop[:1] = APPROACH
     # A path that starts lower than the previous one ends is approached from above.
     begin_xy, end_xy = find_travel_ends(paths)
-    travel_z = np.maximum(np.maximum(leave, start), _find_clear_heights(paths, begin_xy, end_xy, profile))
+    travel_z = np.maximum(
+        np.maximum(leave, start), _find_clear_heights(paths, lowered, begin_xy, end_xy, profile)
+    )
     return _TravelEnds(begin_xy, end_xy, leave, travel_z + hop, start)
 
 
-def _find_clear_heights(paths: Toolpaths, begin: Float, end: Float, profile: Profile) -> Float:
+def _find_clear_heights(paths: Toolpaths, lowered: Bool, begin: Float, end: Float, profile: Profile) -> Float:
     """Return the z (M,) that the travel to each path must reach where paths follow a surface, mm; elsewhere -inf.
 
     Between its ends there may be extrusions as high as the layers. Only a step to the next row passes over none.
 
     Args:
         paths: in printing order.
+        lowered: (M,) mask of the paths that follow a surface.
         begin: (M, 2) start of each travel, mm.
         end: (M, 2) its end, mm.
-        profile: whether paths follow surfaces, and their widths.
+        profile: the extrusion width.
     """
-    lowered = find_lowered_paths(paths, profile)
     if not lowered.any():
         return np.full(paths.n_paths, -np.inf)
     before = np.append(0, np.arange(paths.n_paths - 1))

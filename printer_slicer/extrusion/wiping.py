@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, consecutive
-from printer_slicer.extrusion.lowered_paths import find_lowered_paths
+from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.model import Toolpaths, Travels
 from printer_slicer.profile import Profile
 from printer_slicer.values import Struct
@@ -31,15 +30,16 @@ class Wipes(Struct, frozen=True, eq=False):
     standing: Float
 
 
-def find_wipes(paths: Toolpaths, travels: Travels, profile: Profile) -> Wipes:
+def find_wipes(paths: Toolpaths, travels: Travels, profile: Profile, after_lowered: Bool) -> Wipes:
     """Return the wipes before all paths: backward over open paths, forward along loops.
 
-    There are none over paths that follow a surface, because the nozzle would enter their higher parts.
+    There are none after paths that follow a surface, because the nozzle would enter their higher parts: `after_lowered`
+    (M,) is the mask of the paths after these.
     """
     printer = profile.printer
     n = paths.n_paths
     standing = np.where(travels.retract, printer.retract_length, 0.0)
-    wiped = np.flatnonzero(travels.retract & ~np.append(False, find_lowered_paths(paths, profile)[:-1]))
+    wiped = np.flatnonzero(travels.retract & ~after_lowered)
     if not printer.wipe_distance or not len(wiped):
         return Wipes(np.zeros((0, 2)), np.zeros(n + 1, np.int64), np.zeros(0), standing)
     over = wiped - 1

@@ -475,6 +475,7 @@ M104 S0
 ; printer.excluded_areas = 
 ; printer.head = 0: 65, 20: -999x-999 999x999
 ; printer.nozzle_diameter = 0.4
+; printer.nozzle_flat_diameter = 0
 ; printer.z_step = 0.01
 ; printer.z_full_step = 0
 ; printer.min_layer = 0.09
@@ -616,6 +617,9 @@ M104 S0
 ; quality.scarf_length = 0
 ; quality.scarf_start = 0.1
 ; quality.scarf_inner = False
+; quality.z_contouring = False
+; quality.contour_min_height = 0.05
+; quality.contour_max_slope_deg = 0
 ; quality.avoid_crossing = True
 ; quality.max_detour = 50
 ; quality.bottom_thickness = 0.2
