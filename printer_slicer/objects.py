@@ -182,7 +182,7 @@ def cut_objects(
 
 
 def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
-    """Cut a mesh; with contoured tops, also find the areas in which extrusions are lower than their layers."""
+    """Cut a mesh; with contoured tops, sections take in all that low extrusions reach."""
     resolution = profile.quality.resolution
     if not profile.quality.z_contouring:
         return cut(mesh, plan, resolution)
@@ -191,8 +191,8 @@ def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
     tops = find_tops(mesh, plan, profile)
     if tops is None:
         return cut(mesh, plan, resolution)
-    to_cut, to_top = find_reached_areas(tops, profile, overlap=2 * resolution)
-    return replace(cut(mesh, plan, resolution, to_cut), contoured=to_top)
+    reached = find_reached_areas(tops, profile, overlap=2 * resolution)
+    return replace(cut(mesh, plan, resolution, reached), below_cut=reached)
 
 
 def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:

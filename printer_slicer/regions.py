@@ -155,22 +155,20 @@ def _find_exposed_areas(
         missing.append(difference(inside.of_layers(some), cover.of_layers(some)))
     above, below = missing[-1], missing[-2]
     near_above = missing[1]
-    if sections.contoured is not None and not rules.full.all():
-        near_above = union(near_above, _find_areas_below_contours(sections, inside, top))
+    if sections.below_cut is not None and not rules.full.all():
+        near_above = union(near_above, _find_areas_below_contours(sections.below_cut, inside, plan, top))
     return (near_above, missing[0]), (above, below)
 
 
-def _find_areas_below_contours(sections: Sections, inside: Areas, thickness: Float) -> Areas:
-    """Return the areas of each layer that are less than `thickness` (L,) mm below contoured surfaces.
+def _find_areas_below_contours(below_cut: Areas, inside: Areas, plan: LayerPlan, thickness: Float) -> Areas:
+    """Return the areas of each layer where the shell ends in a layer that contoured extrusions fill below its cut.
 
-    The solid area of a layer includes what contoured extrusions fill to a part of its height. So the layer in which the
-    shell ends may be solid, but its surface nearer than the thickness.
+    There the surface is as near as where a flat layer would have no area. `thickness` (L,) is that of the shell, mm.
     """
-    plan = sections.plan
-    end = np.searchsorted(plan.top, plan.top + thickness - _SMALLEST / 2)
+    end = np.searchsorted(plan.bottom, plan.top + thickness - _SMALLEST / 2) - 1
     within = (end < plan.n_layers) & (thickness > _SMALLEST)
-    strips = (sections.contoured or Areas.empty(plan.n_layers)).copy_layers(np.where(within, end, 0))
-    return intersection(inside.of_layers(within), strips.of_layers(within))
+    ends = below_cut.copy_layers(np.where(within, end, 0))
+    return intersection(inside.of_layers(within), ends.of_layers(within))
 
 
 def _find_shell(walls: Walls, near: tuple[Areas, Areas], rules: _RegionSettings) -> Areas:

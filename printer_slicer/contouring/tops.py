@@ -105,8 +105,8 @@ def _list_reached_layers(z: Float, plan: LayerPlan) -> tuple[Int, Int]:
     return facet[kept], layer[kept]
 
 
-def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> tuple[Areas, Areas]:
-    """Return the areas of each layer over which contoured extrusions are lower than the layer.
+def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> Areas:
+    """Return the areas of each layer that contoured extrusions fill, but where the surface is below the cut.
 
     A section at the cut ends where the surface is half a layer high. A contoured extrusion may be as low as
     `quality.contour_min_height`, so the section takes in everything where the surface is higher than half of that.
@@ -114,16 +114,9 @@ def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> tuple[Ar
     Args:
         tops: from `find_tops`.
         profile: the least height of extrusions.
-        overlap: height up to which the first areas extend above the cut, mm, so that they overlap the section there.
-
-    Returns:
-        The areas up to the cut, and up to the top of the layer.
+        overlap: height up to which the areas extend above the cut, mm, so that they overlap the section there.
     """
     plan = tops.plan
     low = np.minimum(plan.bottom + profile.quality.contour_min_height / 2, plan.cut)
-    corners = tops.corners[tops.facet]
-    to_cut, to_top = (
-        normalize(project_pieces(corners, tops.layer, low, high))
-        for high in (np.minimum(plan.cut + overlap, plan.top), plan.top)
-    )
-    return to_cut, to_top
+    high = np.minimum(plan.cut + overlap, plan.top)
+    return normalize(project_pieces(tops.corners[tops.facet], tops.layer, low, high))

@@ -220,8 +220,8 @@ class Sections(SvgRepr, Struct, frozen=True, eq=False):
         gaps: gaps in contours that were closed, widest first.
         inverted: areas inside contours of reversed orientation, as in a self-intersecting shell or a void that extends
             beyond the solid. They are not part of `solid`; their rings are clockwise. None if there are none.
-        contoured: areas over which extrusions follow the surface and so are lower than their layers. None if there are
-            none.
+        below_cut: areas, most of them within `solid`, where the surface lies within the layer but below its cut, and
+            extrusions follow it. None if there are none.
     """
 
     plan: LayerPlan
@@ -229,7 +229,7 @@ class Sections(SvgRepr, Struct, frozen=True, eq=False):
     open_edges: int = 0
     gaps: tuple[Gap, ...] = ()
     inverted: Areas | None = None
-    contoured: Areas | None = None
+    below_cut: Areas | None = None
 
     def solid_at(self, plan: LayerPlan) -> Areas:
         """Return the solid area on the layers of another plan; layers are matched by their tops."""
