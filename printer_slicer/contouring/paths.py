@@ -22,6 +22,7 @@ from printer_slicer.values import Struct, replace
 __all__ = ["contour", "find_contoured_paths"]
 
 _SPACING: Final = 0.25  # mm, maximum distance of the points at which the height of the surface is found
+_COARSE_SPACING: Final = 0.5  # mm, of the points at which surfaces are searched for
 _LEAST_DEPTH: Final = 0.01  # mm; paths that are nowhere lower than their layer by this much stay flat
 _ROUNDING: Final = 1e-9  # mm
 _HIGHER: Final = 1e-3  # mm
@@ -36,7 +37,7 @@ _CONTOURED_ROLES: Final = (
 
 
 class _FinePoints(Struct, frozen=True, eq=False):
-    """Points of paths at most `_SPACING` apart.
+    """Points of paths at most a given distance apart.
 
     Attributes:
         start: (M + 1,) index of the first point of each path.
@@ -51,14 +52,13 @@ class _FinePoints(Struct, frozen=True, eq=False):
     xy: Float
 
     @classmethod
-    def of(cls, paths: Toolpaths) -> _FinePoints:
-        """Add points to all lines of paths."""
-        step = paths.steps()
-        count = np.maximum(np.ceil(step / _SPACING), 1).astype(np.int64)
+    def of(cls, paths: Toolpaths, spacing: float) -> _FinePoints:
+        """Add points to all lines of paths, at most `spacing` mm apart."""
+        step = paths.xy.take(paths.following, axis=0) - paths.xy
+        count = np.maximum(np.ceil(np.hypot(*step.T) / spacing), 1).astype(np.int64)
         corner = np.repeat(np.arange(len(count)), count)
-        share = consecutive(np.zeros_like(count), count) / count[corner]
-        ends = paths.following[corner]
-        xy = paths.xy[corner] + share[:, None] * (paths.xy[ends] - paths.xy[corner])
+        share = consecutive(np.zeros_like(count), count) / count.take(corner)
+        xy = paths.xy.take(corner, axis=0) + share[:, None] * step.take(corner, axis=0)
         return cls(np.append(0, np.cumsum(count))[paths.start], corner, share, xy)
 
     @property
@@ -73,7 +73,7 @@ def find_contoured_paths(paths: Toolpaths, bins: FacetBins) -> Bool:
     candidates = np.flatnonzero(_may_be_contoured(paths, bins))
     for batch in _split_by_length(paths, candidates):
         some = paths.take(batch)
-        fine = _FinePoints.of(some)
+        fine = _FinePoints.of(some, _COARSE_SPACING)
         owner = fine.owner
         found = bins.find_bins(fine.xy, some.layer[owner]) >= 0
         result[batch] = np.bincount(owner[found], minlength=len(batch)) > 0
@@ -82,7 +82,7 @@ def find_contoured_paths(paths: Toolpaths, bins: FacetBins) -> Bool:
 
 def _split_by_length(paths: Toolpaths, chosen: Int) -> Iterator[Int]:
     """Yield batches of the paths `chosen` (n,) with a limited number of points, unless one path has more."""
-    points = np.cumsum(paths.length()[chosen] / _SPACING + np.diff(paths.start)[chosen])
+    points = np.cumsum(paths.length()[chosen] / _COARSE_SPACING + np.diff(paths.start)[chosen])
     batch = (points / _POINTS_AT_ONCE).astype(np.int64)
     for number in range(int(batch.max(initial=-1)) + 1):
         if (batch == number).any():
@@ -117,7 +117,7 @@ def contour(paths: Toolpaths, bins: FacetBins, profile: Profile) -> Toolpaths:
     if not len(chosen):
         return paths
     some = paths.take(chosen)
-    fine = _FinePoints.of(some)
+    fine = _FinePoints.of(some, _SPACING)
     positions = Positions.from_steps(_measure_steps(fine, some.closed), fine.start, some.closed)
     z = _find_offsets(some, fine, positions, bins, profile)
     is_lowered = np.minimum.reduceat(z, fine.start[:-1]) < -_LEAST_DEPTH
@@ -150,9 +150,10 @@ def _find_offsets(
     points = LayerPoints(fine.xy, paths.layer[owner], bottom, top, find_steepest_slopes(full, profile)[owner])
     surface = bins.find_heights(points)
     lowest = np.minimum(bottom + profile.quality.contour_min_height, top)
-    is_top = np.isfinite(surface)
-    z = np.where(is_top, np.minimum(np.maximum(surface, lowest) - top, 0.0), 0.0)
-    z = np.where(is_top, np.minimum(smooth(z, positions), 0.0), 0.0)
+    covered = np.flatnonzero(np.isfinite(surface))
+    z = np.zeros(len(surface))
+    z[covered] = np.minimum(np.maximum(surface, lowest) - top, 0.0)[covered]
+    z[covered] = np.minimum(smooth(z, positions, covered), 0.0)
     z = limit_changes(z, positions)
     return np.where(z > -_ROUNDING, 0.0, z)
 

@@ -19,7 +19,7 @@ from printer_slicer.values import Struct
 
 __all__ = ["FacetBins", "LayerPoints"]
 
-_CELL: Final = 1.0  # mm
+_CELL: Final = 0.5  # mm
 _PAIRS_AT_ONCE: Final = 1 << 20  # bounds the memory for pairs of points and facets
 _BESIDE: Final = 1e-4  # mm; a point this far outside a facet is on it, so that none falls between two facets
 _ROUNDING: Final = 1e-6  # mm, and tangents of slopes
@@ -103,14 +103,18 @@ class FacetBins(Struct, frozen=True, eq=False):
 
     def _measure_heights(self, points: LayerPoints, point: Int, facet: Int) -> Float:
         """Return the z (n,) of facets (n,) over points (n,), mm; -inf beside facets and for those that do not count."""
-        xy = points.xy[point]
-        plane = self.plane[facet]
-        z = plane[:, 0] + plane[:, 1] * xy[:, 0] + plane[:, 2] * xy[:, 1]
-        counts = (z >= points.bottom[point] - _ROUNDING) & (z <= points.top[point] + _ROUNDING)
-        counts &= self.tops.slope[facet] <= points.steepest[point] + _ROUNDING
-        some = np.flatnonzero(counts)
-        counts[some] = _contain(self.tops.corners[facet[some], :, :2], xy[some])
-        return np.where(counts, z, -np.inf)
+        x, y = (axis.take(point) for axis in np.ascontiguousarray(points.xy.T))
+        z, x_slope, y_slope = (column.take(facet) for column in np.ascontiguousarray(self.plane.T))
+        z += x_slope * x + y_slope * y
+        some = np.flatnonzero(
+            (z >= points.bottom.take(point) - _ROUNDING) & (z <= points.top.take(point) + _ROUNDING)
+        )
+        facet, point = facet[some], point[some]
+        counts = self.tops.slope[facet] <= points.steepest[point] + _ROUNDING
+        counts &= _contain(self.tops.corners[facet, :, :2], x[some], y[some])
+        result = np.full(len(z), -np.inf)
+        result[some[counts]] = z[some[counts]]
+        return result
 
 
 def _find_planes(corners: Float) -> Float:
@@ -123,11 +127,15 @@ def _find_planes(corners: Float) -> Float:
     return np.stack([z, x, y], axis=1)
 
 
-def _contain(corners: Float, xy: Float) -> Bool:
-    """Return which triangles (n, 3, 2), counter-clockwise, contain their point (n, 2), within rounding."""
-    side = np.roll(corners, -1, axis=1) - corners
-    beyond = cross(side, xy[:, None] - corners)
-    return np.asarray((beyond >= -_BESIDE * np.hypot(side[..., 0], side[..., 1])).all(axis=1))
+def _contain(corners: Float, x: Float, y: Float) -> Bool:
+    """Return which triangles (n, 3, 2), counter-clockwise, contain their point (n,), within rounding."""
+    result = np.ones(len(x), np.bool_)
+    for begin, end in ((0, 1), (1, 2), (2, 0)):
+        from_x, from_y = corners[:, begin, 0], corners[:, begin, 1]
+        side_x, side_y = corners[:, end, 0] - from_x, corners[:, end, 1] - from_y
+        inward = side_x * (y - from_y) - side_y * (x - from_x)
+        result &= inward >= -_BESIDE * np.hypot(side_x, side_y)
+    return result
 
 
 def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
@@ -146,7 +154,7 @@ def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
     first, last = (np.floor(one / _CELL).astype(np.int64) for one in y_range)
     reach, place = expand_counts(np.maximum(last - first + 1, 0))
     row = first[reach] + place
-    band = row * _CELL, (row + 1) * _CELL
+    band = np.asarray(row * _CELL), np.asarray((row + 1) * _CELL)
     x_range = _find_ranges_of_rows(corners[reach, :, :2], band)
     x_range = _clip_to_heights(
         (z[reach], x_slope[reach], y_slope[reach]), (bottom[reach], top[reach]), band, x_range

@@ -10,7 +10,6 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.geometry import Areas, normalize
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.slab_projection import project_pieces
-from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.profile import Profile
@@ -79,15 +78,13 @@ def find_tops(mesh: Mesh, plan: LayerPlan, profile: Profile, lift: float = 0.0) 
 
 def _select_shallow_facets(mesh: Mesh, steepest: float) -> tuple[Int, Float]:
     """Return the indices (T,) of the upward facets up to a slope, and their slopes (T,), as tangents."""
-    to_second, to_third = (
-        mesh.triangles[:, 1] - mesh.triangles[:, 0],
-        mesh.triangles[:, 2] - mesh.triangles[:, 0],
-    )
-    up = cross(to_second[:, :2], to_third[:, :2])
+    first, second, third = (np.ascontiguousarray(mesh.triangles[:, corner].T) for corner in range(3))
+    one, other = second - first, third - first
+    up = one[0] * other[1] - one[1] * other[0]
     some = np.flatnonzero(up > _NO_AREA)
-    one, other = to_second[some], to_third[some]
-    x = one[:, 1] * other[:, 2] - one[:, 2] * other[:, 1]
-    y = one[:, 2] * other[:, 0] - one[:, 0] * other[:, 2]
+    one, other = one[:, some], other[:, some]
+    x = one[1] * other[2] - one[2] * other[1]
+    y = one[2] * other[0] - one[0] * other[2]
     slope = np.hypot(x, y) / up[some]
     shallow = slope <= steepest + _ROUNDING
     return some[shallow], slope[shallow]

@@ -59,23 +59,32 @@ class Positions(Struct, frozen=True, eq=False):
         return order, np.insert(self.along, self.start[1:], self.begin + self.length)
 
 
-def smooth(z: Float, positions: Positions) -> Float:
-    """Average z (N,) over a length of path around each point; at the ends of open paths over less."""
-    owner = positions.owner
-    begin, length, closed = (one[owner] for one in (positions.begin, positions.length, positions.closed))
-    within = positions.along - begin
+def smooth(z: Float, positions: Positions, point: Int) -> Float:
+    """Average z over a length of path around some points; at the ends of open paths over less.
+
+    Args:
+        z: (N,) mm.
+        positions: of all points.
+        point: (n,) the points at which the average is asked for.
+
+    Returns:
+        (n,) mm.
+    """
+    owner = positions.owner[point]
+    begin, length, closed = positions.begin[owner], positions.length[owner], positions.closed[owner]
+    within = positions.along[point] - begin
     to_end = np.where(closed, length / 2, np.minimum(within, length - within))
     reach = np.clip(to_end, 0.0, _SMOOTHED_LENGTH / 2)
-    point, knot = positions.list_knots()
-    known = z[point]
+    order, knot = positions.list_knots()
+    known, n_paths = z[order], len(positions.closed)
     areas = (known[1:] + known[:-1]) / 2 * np.diff(knot)
-    areas[(positions.start[1:-1] + np.arange(len(positions.closed) - 1))] = 0.0  # between paths
+    areas[positions.start[1:-1] + np.arange(n_paths - 1)] = 0.0  # between paths
     total = np.append(0.0, np.cumsum(areas))
-    ends = positions.start + np.append(np.arange(len(positions.closed)), len(positions.closed))
-    whole = (total[ends[1:] - 1] - total[ends[:-1]])[owner]
+    first = positions.start + np.append(np.arange(n_paths), n_paths)
+    whole = (total[first[1:] - 1] - total[first[:-1]])[owner]
 
     def integrate(along: Float) -> Float:
-        """Return the integral of z up to positions (N,) on their paths; loops continue beyond their ends."""
+        """Return the integral of z up to positions (n,) on their paths; loops continue beyond their ends."""
         turns = np.where(closed & (length > 0), np.floor(along / np.maximum(length, 1e-12)), 0.0)
         place = np.clip(begin + along - turns * length, begin, begin + length)
         at = np.clip(np.searchsorted(knot, place, side="right") - 1, 0, len(knot) - 2)
@@ -84,7 +93,7 @@ def smooth(z: Float, positions: Positions) -> Float:
         return np.asarray(total[at] + (known[at] + change * beyond / 2) * beyond + turns * whole)
 
     mean = (integrate(within + reach) - integrate(within - reach)) / np.maximum(2 * reach, 1e-12)
-    return np.where(reach > _SHORTEST, mean, z)
+    return np.where(reach > _SHORTEST, mean, z[point])
 
 
 def limit_changes(z: Float, positions: Positions) -> Float:
