@@ -191,7 +191,7 @@ def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
     tops = find_tops(mesh, plan, profile)
     if tops is None:
         return cut(mesh, plan, resolution)
-    reached = find_reached_areas(tops, profile, overlap=2 * resolution)
+    reached = find_reached_areas(tops, profile)
     return replace(cut(mesh, plan, resolution, reached), below_cut=reached)
 
 

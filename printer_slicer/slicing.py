@@ -8,7 +8,16 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int, reorder_points
 from printer_slicer.errors import MeshError, PartError
-from printer_slicer.geometry import Areas, difference, normalize, offset, offset_open, simplify, union
+from printer_slicer.geometry import (
+    Areas,
+    close_gaps,
+    difference,
+    normalize,
+    offset,
+    offset_open,
+    simplify,
+    union,
+)
 from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
@@ -56,8 +65,7 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = 
         plan: the layers and their cut planes.
         resolution: tolerance for simplifying contours before polygon operations, mm. With positive or negative
             containment a smaller one is used, and the result never violates the containment.
-        reached: areas beside the sections that extrusions lower than their layer fill; they are added. They overlap the
-            sections by more than the resolution.
+        reached: areas beside the sections that extrusions lower than their layer fill; they are added.
 
     Raises:
         PartError: no layer contains material, or the contours cannot be closed.
@@ -79,9 +87,10 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = 
 
 
 def _add_reached_areas(solid: Areas, reached: Areas, resolution: float) -> Areas:
-    """Add areas to the solid areas, without the slivers and the many points that this makes along their borders."""
+    """Add areas to the solid areas, without the gaps, slivers and many points that this makes along their borders."""
     changed = reached.used
-    joined = offset_open(union(solid.of_layers(changed), reached), _SLIVER)
+    joined = close_gaps(union(solid.of_layers(changed), reached), _SLIVER + resolution)
+    joined = offset_open(joined, _SLIVER)
     return solid.of_layers(~changed).merge(normalize(simplify(joined, resolution)))
 
 

@@ -102,7 +102,7 @@ def _list_reached_layers(z: Float, plan: LayerPlan) -> tuple[Int, Int]:
     return facet[kept], layer[kept]
 
 
-def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> Areas:
+def find_reached_areas(tops: Tops, profile: Profile) -> Areas:
     """Return the areas of each layer that contoured extrusions fill, but where the surface is below the cut.
 
     A section at the cut ends where the surface is half a layer high. A contoured extrusion may be as low as
@@ -111,9 +111,7 @@ def find_reached_areas(tops: Tops, profile: Profile, overlap: float) -> Areas:
     Args:
         tops: from `find_tops`.
         profile: the least height of extrusions.
-        overlap: height up to which the areas extend above the cut, mm, so that they overlap the section there.
     """
     plan = tops.plan
     low = np.minimum(plan.bottom + profile.quality.contour_min_height / 2, plan.cut)
-    high = np.minimum(plan.cut + overlap, plan.top)
-    return normalize(project_pieces(tops.corners[tops.facet], tops.layer, low, high))
+    return normalize(project_pieces(tops.corners[tops.facet], tops.layer, low, plan.cut))
