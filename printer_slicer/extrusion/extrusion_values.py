@@ -16,6 +16,9 @@ __all__ = ["SUPPORT_RATIOS", "MoveValues", "compute_move_values"]
 
 _BEADS_AT_ONCE = 1 << 14  # bounds the memory for intermediate values
 
+_MAX_FLOW_CHANGE = 25.0
+"""Maximum change of the flow per second, as a fraction of the full flow; 0.04 s is a usual pressure advance."""
+
 SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Support ratios for which there are settings of overhangs."""
 
@@ -31,8 +34,8 @@ class _BeadValues(Struct, frozen=True, eq=False):
         flow: (B,) flow ratio.
         support_ratio: (B,) fraction of the width that rests on the layer below.
         climb: (B,) change of z, mm.
+        share_change: (B,) change of the share along the move.
         is_lowered: (B,) whether the path follows a surface.
-        relative_share: (B,) share in relation to the largest one of the path if it follows a surface, otherwise 1.
     """
 
     length: Float
@@ -42,8 +45,8 @@ class _BeadValues(Struct, frozen=True, eq=False):
     flow: Float
     support_ratio: Float
     climb: Float
+    share_change: Float
     is_lowered: Bool
-    relative_share: Float
 
     @property
     def cross_section(self) -> Float:
@@ -90,26 +93,17 @@ def compute_move_values(
     supported = [_supported_speeds(paths, profile) for profile in profiles]
     moves = np.flatnonzero(rows.is_bead).astype(np.int32)
     lowered = find_lowered_paths(paths, profiles[0])
-    largest = _find_largest_shares(paths, lowered)
     for first in range(0, len(moves), _BEADS_AT_ONCE):
         some = slice(first, first + _BEADS_AT_ONCE)
         move = moves[some]
         path = rows.path[move]
-        beads = _compute_bead_values(paths, (rows.begin[some], rows.end[some], path), profiles, largest)
+        beads = _compute_bead_values(paths, (rows.begin[some], rows.end[some], path), profiles, lowered)
         filament[move] = beads.filament(diameter[paths.tool[path]])
         speed[move] = _bead_speeds(paths, path, beads, supported, profiles)
         width[move], height[move] = beads.width, beads.height * beads.share
         support_ratio[move] = beads.support_ratio
     relative = _find_relative_speeds(speed, rows, lowered) if lowered.any() else np.zeros(0)
     return MoveValues(speed, filament, width, height, support_ratio, relative)
-
-
-def _find_largest_shares(paths: Toolpaths, lowered: Bool) -> Float:
-    """Return the largest flow ratio (M,) of the paths that follow a surface, the mask `lowered` (M,); others: nan."""
-    result = np.full(paths.n_paths, np.nan)
-    if lowered.any():
-        result[lowered] = np.maximum.reduceat(paths.flow_ratio, paths.start[:-1])[lowered]
-    return result
 
 
 def _find_relative_speeds(speed: Float, rows: MoveRows, lowered: Bool) -> Float:
@@ -123,14 +117,13 @@ def _find_relative_speeds(speed: Float, rows: MoveRows, lowered: Bool) -> Float:
 
 
 def _compute_bead_values(
-    paths: Toolpaths, moves: tuple[Int, Int, Int], profiles: tuple[Profile, ...], largest: Float
+    paths: Toolpaths, moves: tuple[Int, Int, Int], profiles: tuple[Profile, ...], lowered: Bool
 ) -> _BeadValues:
     """Compute the values of extrusions from their first and last points (B,) and their paths (B,).
 
-    `largest` (M,) is the largest flow ratio of paths that follow a surface, nan for others.
+    `lowered` (M,) is the mask of the paths that follow a surface.
     """
     start, end, path = moves
-    share, most = (paths.flow_ratio[start] + paths.flow_ratio[end]) / 2, largest[path]
     delta = paths.xy.take(end, axis=0) - paths.xy.take(start, axis=0)
     climbed = paths.z_offset[end] - paths.z_offset[start]
     flow, first = (
@@ -144,12 +137,12 @@ def _compute_bead_values(
         np.sqrt((delta * delta).sum(axis=1) + climbed * climbed),
         (paths.width[start] + paths.width[end]) / 2,
         paths.height[path],
-        share,
+        (paths.flow_ratio[start] + paths.flow_ratio[end]) / 2,
         np.where(paths.begins_at(0)[path], first, 1.0) * flow,
         paths.support_ratio[start],
         climbed,
-        np.isfinite(most),
-        np.where(np.isfinite(most), share / most, 1.0),
+        paths.flow_ratio[end] - paths.flow_ratio[start],
+        lowered[path],
     )
 
 
@@ -207,27 +200,23 @@ def _bead_speeds_of_profile(
     speed = np.where(is_overhang, np.minimum(slower, speeds.bridge + faster), speed)
     on_bed = profile.material.first_layer_max_flow_ratio
     melted = np.where(paths.begins_at(0)[path], on_bed, 1.0) * profile.max_flow
-    if not beads.is_lowered.any():
-        return np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
-    # Along a path that follows a surface, the flow is that of its thickest place.
-    speed = np.minimum(speed, melted * beads.relative_share / np.maximum(beads.cross_section, 1e-9))
-    return np.where(beads.is_lowered, _speeds_for_even_flow(beads, speed, profile), speed)
+    limited = np.minimum(speed, melted / np.maximum(beads.cross_section, 1e-9))
+    if beads.is_lowered.any():
+        return np.where(beads.is_lowered, _limit_climbing_speeds(beads, limited, profile), limited)
+    return limited
 
 
-def _speeds_for_even_flow(beads: _BeadValues, speed: Float, profile: Profile) -> Float:
-    """Return the speed (B,) of extrusions that follow a surface, mm/s: slower where their path is thinner.
+def _limit_climbing_speeds(beads: _BeadValues, speed: Float, profile: Profile) -> Float:
+    """Limit the speed (B,), mm/s, of extrusions that follow a surface, where they climb or fall.
 
-    The flow stays the same along a path, because the pressure in the nozzle would follow it too late. The z axis limits
-    the speed where paths climb.
-
-    Args:
-        beads: the extrusions.
-        speed: (B,) speed if their height did not change, mm/s.
-        profile: minimum speed and speed of the z axis.
+    The pressure in the nozzle follows a change of the flow late. So the flow changes only at a limited rate, as far as
+    the minimum speed of the material allows. The speed of the z axis is limited, too.
     """
-    even = np.maximum(speed * beads.relative_share, np.minimum(speed, profile.material.min_speed))
-    steepness = np.abs(beads.climb) / np.maximum(beads.length, 1e-9)
-    return np.minimum(even, profile.printer.max_speed_z / np.maximum(steepness, 1e-9))
+    length = np.maximum(beads.length, 1e-9)
+    of_flow = _MAX_FLOW_CHANGE * length / np.maximum(np.abs(beads.share_change), 1e-9)
+    of_z = profile.printer.max_speed_z * length / np.maximum(np.abs(beads.climb), 1e-9)
+    even = np.minimum(speed, np.maximum(of_flow, profile.material.min_speed))
+    return np.minimum(even, of_z)
 
 
 def _overhang_speed_limits(support_ratio: Float, full_speed: Float, profile: Profile) -> Float:

@@ -1,0 +1,393 @@
+"""Contoured tops: what follows a surface, how exactly, and what stays as it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from printer_slicer import bead
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.contouring import FacetBins, find_tops
+from printer_slicer.contouring.surface_heights import LayerPoints
+from printer_slicer.contouring.tops import find_steepest_slopes
+from printer_slicer.contouring.z_profiles import (
+    MAX_CHANGE,
+    Positions,
+    find_needed_points,
+    limit_changes,
+    smooth,
+)
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.geometry import difference
+from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.profile import Profile
+from printer_slicer.roles import Role, is_perimeter
+from printer_slicer.slicing import cut
+from printer_slicer.stages import Stages
+from tests.contoured_parts import dome, wedge, wedge_height
+from tests.parts import box, layers, plain, pyramid, turned
+
+LEAST = 0.05  # mm, the default least height
+WEDGES = pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0, 20.0, 25.0])
+
+
+def contoured(**changes: object) -> Profile:
+    return plain(z_contouring=True, layer_height=0.2, first_layer_height=0.2, **changes)
+
+
+def sliced(mesh: Mesh, **changes: object) -> Stages:
+    return slice_stages(mesh, contoured(**changes))
+
+
+def moves_of(program: Program) -> Float:
+    return np.column_stack([program.xyz, program.filament, program.speed])
+
+
+def changes_of_z(paths: Toolpaths) -> Float:
+    """Change of z of all extrusions, mm per mm of path."""
+    begin, end = paths.ends_of_beads
+    far = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
+    return np.abs(paths.z_offset[end] - paths.z_offset[begin])[far > 1e-6] / far[far > 1e-6]
+
+
+def point_paths(paths: Toolpaths) -> np.ndarray:
+    return np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+
+
+@WEDGES
+def test_extrusions_keep_between_the_least_height_and_their_layer(degrees: float) -> None:
+    paths = sliced(wedge(degrees)).toolpaths
+    owner = point_paths(paths)
+    local = paths.height[owner] + paths.z_offset
+
+    assert paths.z_offset.min() < -0.05
+    assert paths.z_offset.max() <= 0
+    assert local.min() >= LEAST - 1e-9
+    assert changes_of_z(paths).max() <= MAX_CHANGE + 1e-6
+    full = bead.cross_section(paths.width, paths.height[owner])
+    assert paths.flow_ratio * full == pytest.approx(bead.cross_section(paths.width, local))
+
+
+def test_what_is_laid_is_the_integral_of_the_local_cross_sections() -> None:
+    stages = sliced(wedge(10.0))
+    paths, profile = stages.toolpaths, contoured()
+    begin, end = paths.ends_of_beads
+    owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    steps = (np.arange(50) + 0.5)[:, None] / 50
+    width, z = (one[begin] + steps * (one[end] - one[begin]) for one in (paths.width, paths.z_offset))
+    length = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
+    volume = float((bead.cross_section(width, paths.height[owner] + z).mean(axis=0) * length).sum())
+
+    fed = float(stages.program.filament[stages.program.role != Role.TRAVEL].sum())
+
+    assert fed * profile.material.filament_area == pytest.approx(volume, rel=0.003)
+
+
+@WEDGES
+def test_beads_of_a_wedge_lie_beside_its_surface_by_half_of_their_width_at_most(degrees: float) -> None:
+    stages = sliced(wedge(degrees))
+    paths = stages.toolpaths
+    begin, end = paths.ends_of_beads
+    share = np.linspace(0, 1, 20)[:, None]
+    x, y, z = (one[begin] + share * (one[end] - one[begin]) for one in (*paths.xy.T, paths.z_offset))
+    path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    low, high = stages.part.bounds
+    top, bottom = paths.z_top[path], (paths.z_top - paths.height)[path]
+    surface = wedge_height(x - low[0], degrees)
+    # Fades take up to 0.7 mm at the sides, and the first layer is flat.
+    inside = np.abs(y - (low[1] + high[1]) / 2) < (high[1] - low[1]) / 2 - 1.5
+    exposed = inside & (surface < top) & (surface > bottom) & (paths.layer[path] > 0)
+    reach = np.tan(np.deg2rad(degrees)) * contoured().extrusion_width / 2
+
+    assert exposed.sum() > 100
+    followed = exposed & (surface > bottom + LEAST)
+    assert np.abs(top + z - surface)[followed].max() <= reach + 0.01
+    assert np.abs(top + z - surface)[exposed].max() <= LEAST + 0.01
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [box((12, 10, 2)), pyramid(12, 12), turned(box((8, 6, 3)))],
+    ids=["plate", "steep", "turned"],
+)
+def test_parts_without_shallow_tops_are_printed_as_ever(mesh: Mesh) -> None:
+    flat, followed = (
+        slice_stages(mesh, contoured() if on else plain(layer_height=0.2, first_layer_height=0.2))
+        for on in (False, True)
+    )
+
+    assert np.array_equal(moves_of(flat.program), moves_of(followed.program))
+    assert followed.toolpaths.z_offset.any() == False  # noqa: E712 - a NumPy bool
+
+
+def test_a_flat_inside_a_layer_is_met() -> None:
+    paths = slice_stages(box((12, 10, 1.94)), contoured(), plan=layers(10, 0.2)).toolpaths
+    top = paths.layer == paths.plan.n_layers - 1
+    exposed = top & np.isin(paths.role, [Role.TOP_SOLID_INFILL, Role.EXTERNAL_PERIMETER])
+
+    assert exposed.any()
+    assert paths.z_offset[exposed[point_paths(paths)]] == pytest.approx(-0.06)
+
+
+@pytest.mark.parametrize("degrees", [8.0, 18.0])
+def test_a_turned_part_is_contoured_alike(degrees: float) -> None:
+    figures = []
+    for quarters in range(2):
+        stages = sliced(turned(wedge(degrees, (10.0, 10.0)), quarters))
+        program, paths = stages.program, stages.toolpaths
+        lowered = float(-(paths.z_offset * paths.steps()).sum())
+        figures.append((program.filament_used, float(move_seconds(program, contoured()).sum()), lowered))
+
+    assert figures[1] == pytest.approx(figures[0], rel=0.04)
+
+
+def test_beads_are_laid_from_low_to_high() -> None:
+    paths = sliced(wedge(10.0)).toolpaths
+    middle = np.add.reduceat(paths.z_offset, paths.start[:-1]) / np.diff(paths.start)
+    lowered = np.minimum.reduceat(paths.z_offset, paths.start[:-1]) < -0.01
+    found = 0
+    for layer in np.unique(paths.layer[lowered]):
+        here = paths.layer == layer
+        walls = np.flatnonzero(here & is_perimeter(paths.role) & paths.closed)
+        infill = np.flatnonzero(here & (paths.role == Role.TOP_SOLID_INFILL))
+        if len(walls) == 2 and lowered[walls].all():
+            assert paths.role[walls].tolist() == [Role.EXTERNAL_PERIMETER, Role.PERIMETER]
+            assert middle[walls[0]] < middle[walls[1]]
+            assert not len(infill) or infill.min() > walls.max()
+            found += 1
+    assert found > 3
+
+
+def test_infill_that_climbs_begins_low() -> None:
+    """Rows across the slope: the chain of rows is printed from its low side on."""
+    stages = slice_stages(wedge(5.0, (20.0, 12.0)), contoured(infill_angle_deg=0.0, perimeters=1))
+    paths = stages.toolpaths
+    owner = point_paths(paths)
+    chains = (paths.role == Role.TOP_SOLID_INFILL) & ~paths.closed
+    slopes = []
+    for path in np.flatnonzero(chains):
+        z = paths.z_offset[owner == path]
+        if len(z) > 6 and np.ptp(z) > 0.05:
+            slopes.append(np.corrcoef(np.arange(len(z)), z)[0, 1])
+
+    assert slopes
+    assert min(slopes) > -0.31
+
+
+def test_travels_after_lowered_paths_clear_the_layer() -> None:
+    stages = sliced(wedge(5.0, (20.0, 12.0)))
+    program = stages.program
+    start = program.start
+    far = np.hypot(*(program.xyz - start)[:, :2].T) > 1.5 * contoured().extrusion_width
+    travels = np.flatnonzero((program.role == Role.TRAVEL) & far)
+
+    assert stages.toolpaths.z_offset.min() < -0.1
+    assert (program.xyz[travels, 2] >= program.plan.top[program.layer[travels]] - 1e-6).all()
+
+
+def lowered_moves(stages: Stages) -> Bool:
+    program = stages.program
+    plan = program.plan
+    return (program.role != Role.TRAVEL) & (program.xyz[:, 2] < plan.top[program.layer] - 1e-6)
+
+
+@pytest.mark.parametrize("limit", [0.5, 2.0, 30.0])
+def test_extrusions_climb_no_faster_than_the_z_axis(limit: float) -> None:
+    program = sliced(wedge(20.0), max_speed_z=limit).program
+    delta = program.xyz - program.start
+    length = np.sqrt((delta**2).sum(axis=1))
+    climbs = (program.role != Role.TRAVEL) & (np.abs(delta[:, 2]) > 1e-6)
+
+    assert climbs.any()
+    assert (program.speed * np.abs(delta[:, 2]) / np.maximum(length, 1e-9))[climbs].max() <= limit + 1e-6
+
+
+def test_the_flow_changes_at_a_limited_rate() -> None:
+    quick, slow = (sliced(wedge(20.0), max_speed_z=500.0, min_speed=speed) for speed in (1.0, 60.0))
+    program = quick.program
+    delta = program.xyz - program.start
+    seconds = np.sqrt((delta**2).sum(axis=1)) / program.speed
+    climbs = np.flatnonzero(lowered_moves(quick) & (np.abs(delta[:, 2]) > 1e-6))
+    layer, width = program.layer[climbs], program.width[climbs]
+    full, top = program.plan.height[layer], program.plan.top[layer]
+    low, high = (
+        bead.cross_section(width, full + z[climbs] - top) for z in (program.start[:, 2], program.xyz[:, 2])
+    )
+    rate = np.abs(high - low) / bead.cross_section(width, full) / seconds[climbs]
+
+    assert len(climbs)
+    assert rate.max() == pytest.approx(25, rel=0.05)
+    assert (slow.program.speed >= program.speed - 1e-9).all()
+    assert (slow.program.speed > program.speed + 1).any()
+
+
+def test_cooling_slows_a_contoured_path_as_a_whole() -> None:
+    mesh = wedge(10.0, (6.0, 5.0))
+    quick, slow = (sliced(mesh, min_layer_time=seconds, min_speed=10.0) for seconds in (0, 30))
+    outer = (quick.program.role == Role.EXTERNAL_PERIMETER) & (quick.program.layer > 0)
+    ratio = slow.program.speed / quick.program.speed
+    lowered = False
+    for layer in range(2, quick.program.plan.n_layers):
+        here = outer & (quick.program.layer == layer)
+        low = lowered_moves(quick)[here]
+        if low.any() and not low.all():
+            lowered = True
+            assert np.ptp(ratio[here]) < 0.01
+    assert lowered
+    assert ratio[outer].min() < 0.9
+
+
+@given(
+    z=arrays.arrays(np.float64, st.integers(2, 60), elements=st.floats(-0.3, 0)),
+    step=st.floats(0.02, 0.25),
+    closed=st.booleans(),
+)
+def test_limited_changes_are_the_lowest_that_are_high_enough(z: Float, step: float, closed: bool) -> None:
+    steps = np.full(len(z), step)
+    steps[-1] *= closed
+    start = np.array([0, len(z)])
+    positions = Positions.from_steps(steps, start, np.array([closed]))
+
+    limited = limit_changes(z, positions)
+
+    apart = np.abs(np.subtract.outer(np.arange(len(z)), np.arange(len(z)))) * step
+    apart = np.minimum(apart, len(z) * step - apart) if closed else apart
+    assert limited == pytest.approx((z - MAX_CHANGE * apart).max(axis=1), abs=1e-7)
+
+
+@given(
+    z=arrays.arrays(np.float64, st.integers(3, 60), elements=st.floats(-0.3, 0)),
+    closed=st.booleans(),
+    corner=st.integers(0, 59),
+)
+def test_points_that_are_left_out_lie_near_the_lines_that_remain(z: Float, closed: bool, corner: int) -> None:
+    n = len(z)
+    steps = np.full(n, 0.25)
+    steps[-1] *= closed
+    positions = Positions.from_steps(steps, np.array([0, n]), np.array([closed]))
+    is_corner = np.zeros(n, np.bool_)
+    is_corner[[0, corner % n]] = True
+    is_corner[-1] |= not closed
+
+    kept = find_needed_points(z, positions, is_corner)
+
+    assert kept[is_corner].all()
+    known, at = np.append(z, z[0]), np.arange(n + 1)
+    some = np.flatnonzero(np.append(kept, True)) if closed else np.flatnonzero(kept)
+    assert np.abs(np.interp(at[:n], at[some], known[some]) - z).max() <= 0.01 + 1e-9
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_smoothing_keeps_straight_ramps_and_constant_heights(closed: bool) -> None:
+    z = np.concatenate([np.full(20, -0.1), np.full(30, -0.2) if closed else np.linspace(-0.2, 0, 30)])
+    steps = np.full(50, 0.1)
+    steps[[19, 49]] = 0.1 * closed
+    start = np.array([0, 20, 50])
+    positions = Positions.from_steps(steps, start, np.array([closed, closed]))
+
+    assert smooth(z, positions, np.arange(50)) == pytest.approx(z, abs=1e-9)
+
+
+@given(seed=st.integers(0, 10_000), height=st.sampled_from([0.1, 0.2, 0.35]))
+def test_heights_from_bins_are_those_of_all_facets(seed: int, height: float) -> None:
+    random = np.random.default_rng(seed)
+    corners = random.uniform(-4, 4, (40, 3, 3)) * [1, 1, 0.08] + [0, 0, 0.9]
+    side = corners[:, 1:, :2] - corners[:, :1, :2]
+    clockwise = side[:, 0, 0] * side[:, 1, 1] < side[:, 0, 1] * side[:, 1, 0]
+    corners[clockwise] = corners[clockwise, ::-1]
+    plan, profile = layers(int(1.6 / height), height), contoured()
+    tops = find_tops(Mesh(corners, "facets"), plan, profile)
+    if tops is None:
+        return
+    xy, layer = random.uniform(-4, 4, (200, 2)), np.sort(random.integers(1, plan.n_layers, 200))
+    steepest = find_steepest_slopes(plan.height, profile)[layer]
+    points = LayerPoints(xy, layer, plan.bottom[layer], plan.top[layer], steepest)
+
+    found = FacetBins.from_tops(tops).find_heights(points)
+
+    assert found == pytest.approx(_highest(tops.corners, points), abs=1e-6, nan_ok=True)
+
+
+def _highest(corners: Float, points: LayerPoints) -> Float:
+    """The heights by brute force: barycentric coordinates of all points in all facets."""
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    gap = points.xy[:, None] - corners[None, :, 0, :2]
+    u = (gap[..., 0] * other[:, 1] - gap[..., 1] * other[:, 0]) / area
+    v = (one[:, 0] * gap[..., 1] - one[:, 1] * gap[..., 0]) / area
+    z = corners[:, 0, 2] + u * one[:, 2] + v * other[:, 2]
+    normal = np.cross(one, other)
+    slope = np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
+    within = (u >= 0) & (v >= 0) & (u + v <= 1) & (slope <= points.steepest[:, None])
+    within &= (z >= points.bottom[:, None]) & (z <= points.top[:, None])
+    return np.where(within, z, -np.inf).max(axis=1)
+
+
+def test_a_widened_section_is_that_at_half_of_the_least_height() -> None:
+    mesh, profile = dome(), contoured(contour_max_slope_deg=40.0)
+    sections = slice_stages(mesh, profile).sections
+    plan = sections.plan
+    some = np.arange(6, plan.n_layers)
+    low = LayerPlan(plan.top, plan.bottom + LEAST / 2)
+    wanted = cut(sections_mesh(mesh, profile), low, 0.0).solid.of_layers(some)
+    solid = sections.solid.of_layers(some)
+
+    wrong = difference(solid, wanted).area() + difference(wanted, solid).area()
+
+    assert (wrong[some] <= 0.03 * solid.length()[some] + 1e-6).all()
+
+
+def sections_mesh(mesh: Mesh, profile: Profile) -> Mesh:
+    return slice_stages(mesh, profile).part
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"contour_max_slope_deg": 4.0}, {"containment": "positive"}, {"containment": "negative"}],
+    ids=str,
+)
+def test_steep_tops_and_contained_parts_stay_flat(changes: dict[str, object]) -> None:
+    assert not sliced(wedge(10.0), **changes).toolpaths.z_offset.any()
+
+
+def test_the_rule_of_slopes() -> None:
+    height = np.array([0.1, 0.2, 0.3])
+    width = contoured().extrusion_width
+
+    steepest = find_steepest_slopes(height, contoured())
+
+    assert steepest == pytest.approx(np.minimum(1.2 * height / width, np.tan(np.deg2rad(35))))
+    assert find_steepest_slopes(height, contoured(contour_max_slope_deg=30.0)) == pytest.approx(
+        np.tan(np.deg2rad(30))
+    )
+
+
+def test_first_layers_and_rafts_are_not_contoured() -> None:
+    low = Mesh(wedge(5.0).triangles * np.array([1, 1, 0.2]), "low")
+    on_bed, on_raft = sliced(low), sliced(wedge(10.0), raft_height=1.0)
+
+    assert not on_bed.toolpaths.z_offset[on_bed.toolpaths.layer[point_paths(on_bed.toolpaths)] == 0].any()
+    paths = on_raft.toolpaths
+    lowered = np.unique(paths.role[point_paths(paths)[paths.z_offset < 0]])
+    assert len(lowered)
+    assert Role.RAFT not in lowered
+    bare = sliced(wedge(10.0)).toolpaths
+    assert paths.z_offset.min() == pytest.approx(bare.z_offset.min(), abs=1e-6)
+
+
+def test_a_contoured_loop_has_no_scarf_and_others_keep_theirs() -> None:
+    stages = sliced(wedge(10.0), scarf_length=4.0)
+    paths = stages.toolpaths
+    owner = point_paths(paths)
+    scarfed = np.zeros(paths.n_paths, np.bool_)
+    scarfed[owner[(paths.flow_ratio < 1) & (paths.z_offset == 0)]] = True
+    external = paths.role == Role.EXTERNAL_PERIMETER
+    deep = np.minimum.reduceat(paths.z_offset, paths.start[:-1]) < -0.02
+
+    assert (scarfed & external & (paths.layer < 4)).any()
+    assert not (scarfed & external & (paths.layer > 6) & (paths.layer < paths.plan.n_layers - 2)).any()
+    assert (deep & ~scarfed).any()
