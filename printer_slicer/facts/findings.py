@@ -15,6 +15,7 @@ from printer_slicer.stages import Stages
 __all__ = ["choose_unsupported_remedy", "list_slicing_warnings", "list_unsupported_facts"]
 
 _SUPPORTING: Final = "print supports (support = auto)"
+_COARSE_Z_STEP: Final = 0.02  # mm
 
 
 def list_slicing_warnings(
@@ -39,6 +40,7 @@ def list_slicing_warnings(
         *list_blocked_island_warnings(stages),
         *list_unused_volume_warnings(stages, profile),
         *_list_unused_range_warnings(profile, stages.sections.plan),
+        *_list_contouring_warnings(profile, stages.sections.plan),
     ]
 
 
@@ -80,3 +82,17 @@ def _list_unused_range_warnings(profile: Profile, plan: LayerPlan) -> Iterator[s
         if low >= top:
             names = ", ".join(own)
             yield f"the range from {low:g} to {high:g} mm ({names}) is above the part, which is {top:g} mm high"
+
+
+def _list_contouring_warnings(profile: Profile, plan: LayerPlan) -> Iterator[str]:
+    """Yield a warning if contoured tops cannot be as smooth as they should, or if there can be none."""
+    if not profile.quality.z_contouring:
+        return
+    if plan.containment != "mid":
+        yield f"z_contouring has no effect with containment = {plan.containment}: sections must not be lowered"
+    elif profile.printer.z_step > _COARSE_Z_STEP:
+        step = profile.printer.z_step
+        yield (
+            f"z_contouring: the Z axis moves in steps of {step:g} mm (printer.z_step), and contoured tops show them; "
+            f"it is made for steps up to {_COARSE_Z_STEP:g} mm"
+        )

@@ -142,6 +142,8 @@ ORCA_ONLY: Final = frozenset(
         "wall_infill_order",
         "wall_sequence",
         "xy_hole_compensation",
+        "zaa_enabled",
+        "zaa_min_z",
     }
 )
 """Settings of OrcaSlicer that PrusaSlicer does not have."""
@@ -184,6 +186,7 @@ ORCA_DEFAULTS: Final[Mapping[str, str]] = dict(DEFAULTS) | {
     "brim_type": "outer_only",  # auto_brim, of a width of 0
     "raft_first_layer_expansion": "2",
     "seam_slope_min_length": "20",
+    "zaa_min_z": "0.05",
     "external_perimeter_speed": "60",
     "solid_infill_speed": "100",
     "top_solid_infill_speed": "100",

@@ -297,6 +297,7 @@ def _convert_perimeters(conversion: Conversion) -> None:
         conversion.copy_switch("staggered_inner_seams", "staggered_inner_seams")
     conversion.convert_choice("seam", "seam_position", _SEAMS, {}, "aligned")
     _convert_scarf_joints(conversion)
+    _convert_contouring(conversion)
     conversion.copy_switch("avoid_crossing", "avoid_crossing_perimeters")
     detour = preset.read_quantity("avoid_crossing_perimeters_max_detour")
     if not detour.is_percent:
@@ -380,6 +381,17 @@ def _convert_scarf_joints(conversion: Conversion) -> None:
     how = "as a ratio of the layer height" if start.value and not start.is_percent else ""
     conversion.clamp("scarf_start", share, 0, 0.9, "seam_slope_start_height", how)
     conversion.copy_switch("scarf_inner", "seam_slope_inner_walls")
+
+
+def _convert_contouring(conversion: Conversion) -> None:
+    """Convert contoured tops, which only OrcaSlicer has."""
+    switch, height = "zaa_enabled", "zaa_min_z"
+    if not conversion.preset.is_on(switch):
+        conversion.switch_off("z_contouring", False, switch)
+        conversion.mark_used(name for name in conversion.preset.entries if name.startswith("zaa_"))
+        return
+    conversion.put("z_contouring", True, switch)
+    conversion.clamp("contour_min_height", conversion.preset.read_number(height), 0.02, 0.2, height)
 
 
 def _convert_shells(conversion: Conversion, height: float) -> None:
@@ -557,6 +569,8 @@ def _explain_unsupported(name: str, *, supports: bool) -> str:
         return "travel_acceleration is a printer setting: set it there"
     if name in _WIDTHS:
         return "extrusion_width applies to everything but external perimeters and the first layer"
+    if name.startswith("zaa_"):
+        return "the rule of z_contouring is based on slope, extrusion width and layer height"
     if name == "max_volumetric_speed":
         return "max_flow of the material limits the flow"
     return "no equivalent"

@@ -289,6 +289,24 @@ def test_scarf_seams_are_taken(tmp_path: Path) -> None:
     assert "scarf_length" not in process(tmp_path, **own | {"seam_slope_type": "none"}).values
 
 
+def test_contoured_tops_are_taken(tmp_path: Path) -> None:
+    own = {
+        "zaa_enabled": "1", "zaa_min_z": "0.3",
+        "zaa_minimize_perimeter_height": "35", "zaa_dont_alternate_fill_direction": "1",
+    }  # fmt: skip
+    made = process(tmp_path, **own)
+
+    assert (made.values["z_contouring"], made.values["contour_min_height"]) == (True, 0.2)
+    assert {one.theirs for one in made.left if one.theirs.startswith("zaa")} == {
+        "zaa_minimize_perimeter_height",
+        "zaa_dont_alternate_fill_direction",
+    }
+    assert process(tmp_path, zaa_enabled="1").values["contour_min_height"] == 0.05
+    off = process(tmp_path, **own | {"zaa_enabled": "0"})
+    assert "z_contouring" not in off.values
+    assert not [one for one in off.left if one.theirs.startswith("zaa")]
+
+
 def test_missing_settings_have_the_defaults_of_orcaslicer(tmp_path: Path) -> None:
     machine = imported(json_file(tmp_path / "m.json", {"type": "machine", "nozzle_diameter": ["0.4"]}))
     quality = imported(json_file(tmp_path / "q.json", {"type": "process", "layer_height": "0.2"}))["quality"]
