@@ -63,11 +63,12 @@ def draw_section(stages: Stages) -> str:
     x = np.array([low[0], high[0]])
     z = wedge_height(x - low[0], _DEGREES)
     ends = " ".join(f"{_SCALE * (a - low[0]):.1f},{-_SCALE * b:.1f}" for a, b in zip(x, z, strict=True))
+    box = -_MARGIN, _MARGIN - height, width, height
+    size = f'width="{_SCALE * width:.0f}" height="{_SCALE * height:.0f}"'
+    shown = " ".join(f"{_SCALE * one:.1f}" for one in box)
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" width="{_SCALE * width:.0f}" height="{_SCALE * height:.0f}" '
-            f'viewBox="{-_SCALE * _MARGIN:.1f} {-_SCALE * (height - _MARGIN):.1f} '
-            f'{_SCALE * width:.1f} {_SCALE * height:.1f}">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" {size} viewBox="{shown}">',
             '<rect x="-50%" y="-200%" width="300%" height="400%" fill="#ffffff"/>',
             *_draw_extrusions(stages, float((low[1] + high[1]) / 2), float(low[0])),
             f'<polyline points="{ends}" stroke="#000000" stroke-width="2" fill="none"/>',
