@@ -19,6 +19,9 @@ _BEADS_AT_ONCE = 1 << 14  # bounds the memory for intermediate values
 _MAX_FLOW_CHANGE = 25.0
 """Maximum change of the flow per second, as a fraction of the full flow; 0.04 s is a usual pressure advance."""
 
+_WRITTEN = 0.001  # mm; positions are written in steps of this
+_ROUNDED_SPEED = 1.002  # speeds are written in mm/min, rounded
+
 SUPPORT_RATIOS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Support ratios for which there are settings of overhangs."""
 
@@ -214,7 +217,8 @@ def _limit_climbing_speeds(beads: _BeadValues, speed: Float, profile: Profile) -
     """
     length = np.maximum(beads.length, 1e-9)
     of_flow = _MAX_FLOW_CHANGE * length / np.maximum(np.abs(beads.share_change), 1e-9)
-    of_z = profile.printer.max_speed_z * length / np.maximum(np.abs(beads.climb), 1e-9)
+    # Rounded positions may be steeper than exact ones.
+    of_z = profile.printer.max_speed_z * length / (np.abs(beads.climb) * _ROUNDED_SPEED + 2 * _WRITTEN)
     even = np.minimum(speed, np.maximum(of_flow, profile.material.min_speed))
     return np.minimum(even, of_z)
 
