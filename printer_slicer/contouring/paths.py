@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints
 from printer_slicer.contouring.tops import find_steepest_slopes
@@ -71,22 +71,21 @@ def find_contoured_paths(paths: Toolpaths, bins: FacetBins) -> Bool:
     """Return a mask (M,) of the paths that may be contoured: those that come near a shallow upper surface."""
     result = np.zeros(paths.n_paths, np.bool_)
     candidates = np.flatnonzero(_may_be_contoured(paths, bins))
-    for batch in _split_by_length(paths, candidates):
-        some = paths.take(batch)
+    for batch in _split_by_length(paths.take(candidates)):
+        some = paths.take(candidates[batch])
         fine = _FinePoints.of(some, _COARSE_SPACING)
         owner = fine.owner
         found = bins.find_bins(fine.xy, some.layer[owner]) >= 0
-        result[batch] = np.bincount(owner[found], minlength=len(batch)) > 0
+        result[candidates[batch]] = np.bincount(owner[found], minlength=some.n_paths) > 0
     return result
 
 
-def _split_by_length(paths: Toolpaths, chosen: Int) -> Iterator[Int]:
-    """Yield batches of the paths `chosen` (n,) with a limited number of points, unless one path has more."""
-    points = np.cumsum(paths.length()[chosen] / _COARSE_SPACING + np.diff(paths.start)[chosen])
+def _split_by_length(paths: Toolpaths) -> Iterator[Int]:
+    """Yield batches of paths with a limited number of points, unless one path has more."""
+    points = np.cumsum(paths.length() / _COARSE_SPACING + np.diff(paths.start))
     batch = (points / _POINTS_AT_ONCE).astype(np.int64)
-    for number in range(int(batch.max(initial=-1)) + 1):
-        if (batch == number).any():
-            yield chosen[batch == number]
+    for number in distinct(batch):
+        yield np.flatnonzero(batch == number)
 
 
 def _may_be_contoured(paths: Toolpaths, bins: FacetBins) -> Bool:

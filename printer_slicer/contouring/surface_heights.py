@@ -20,6 +20,7 @@ from printer_slicer.values import Struct
 __all__ = ["FacetBins", "LayerPoints"]
 
 _CELL: Final = 0.5  # mm
+_SMALL_FACET: Final = 9  # cells of its bounding box
 _PAIRS_AT_ONCE: Final = 1 << 20  # bounds the memory for pairs of points and facets
 _BESIDE: Final = 1e-4  # mm; a point this far outside a facet is on it, so that none falls between two facets
 _ROUNDING: Final = 1e-6  # mm, and tangents of slopes
@@ -139,15 +140,35 @@ def _contain(corners: Float, x: Float, y: Float) -> Bool:
 
 
 def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
-    """Return for each cell that a facet covers within a layer: index of the reached layer, and the cell in x and y.
+    """Return for each cell that a facet may cover within a layer: index of the reached layer, and the cell in x and y.
+
+    Small facets cover the cells of their bounding box, large ones are scanned by rows.
+    """
+    flat = tops.corners[..., :2]
+    low, high = (np.floor(one / _CELL).astype(np.int64) for one in (flat.min(axis=1), flat.max(axis=1)))
+    across, rows = (high - low + 1).T
+    is_small = (across * rows <= _SMALL_FACET)[tops.facet]
+    small = np.flatnonzero(is_small)
+    facet = tops.facet[small]
+    item, place = expand_counts((across * rows)[facet])
+    row, column = np.divmod(place, across[facet][item])
+    scanned = _scan_facets(tops, plane, np.flatnonzero(~is_small))
+    boxes = small[item], low[facet, 0][item] + column, low[facet, 1][item] + row
+    reach, x, y = (np.concatenate(pair) for pair in zip(boxes, scanned, strict=True))
+    return reach, x, y
+
+
+def _scan_facets(tops: Tops, plane: Float, reaches: Int) -> tuple[Int, Int, Int]:
+    """Return the cells of facets within their layers as `_list_cells` does, for some of the reached layers.
 
     Each facet is scanned by rows of cells. In each row, its part within the heights of the layer lies within the range
     of its sides and of its slope.
     """
-    bottom, top = tops.plan.bottom[tops.layer] - _ROUNDING, tops.plan.top[tops.layer] + _ROUNDING
-    corners = tops.corners[tops.facet]
+    facet, layer = tops.facet[reaches], tops.layer[reaches]
+    bottom, top = tops.plan.bottom[layer] - _ROUNDING, tops.plan.top[layer] + _ROUNDING
+    corners = tops.corners[facet]
     low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
-    z, x_slope, y_slope = plane[tops.facet].T
+    z, x_slope, y_slope = plane[facet].T
     y_range = _clip_to_heights(
         (z, y_slope, x_slope), (bottom, top), (low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])
     )
@@ -161,7 +182,7 @@ def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
     )
     first, last = (np.floor(one / _CELL).astype(np.int64) for one in x_range)
     item, place = expand_counts(np.maximum(last - first + 1, 0))
-    return reach[item], first[item] + place, row[item]
+    return reaches[reach[item]], first[item] + place, row[item]
 
 
 def _clip_to_heights(

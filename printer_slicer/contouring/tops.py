@@ -65,8 +65,10 @@ def find_tops(mesh: Mesh, plan: LayerPlan, profile: Profile, lift: float = 0.0) 
     """
     if not profile.quality.z_contouring or plan.containment != "mid":
         return None
-    facet, slope = _select_shallow_facets(mesh, float(find_steepest_slopes(plan.height, profile).max()))
-    corners = mesh.triangles[facet] + np.array([0.0, 0.0, lift])
+    steepest = float(find_steepest_slopes(plan.height, profile).max())
+    corners, slope = _select_shallow_facets(mesh.triangles, steepest)
+    if lift:
+        corners = corners + np.array([0.0, 0.0, lift])
     reaching, layer = _list_reached_layers(corners[..., 2], plan)
     kept = slope[reaching] <= find_steepest_slopes(plan.height, profile)[layer] + _ROUNDING
     kept &= plan.bottom[layer] > lift + SAME_TOP
@@ -76,18 +78,19 @@ def find_tops(mesh: Mesh, plan: LayerPlan, profile: Profile, lift: float = 0.0) 
     return Tops(plan, corners, slope, reaching[kept][order], layer[kept][order], lift)
 
 
-def _select_shallow_facets(mesh: Mesh, steepest: float) -> tuple[Int, Float]:
-    """Return the indices (T,) of the upward facets up to a slope, and their slopes (T,), as tangents."""
-    first, second, third = (np.ascontiguousarray(mesh.triangles[:, corner].T) for corner in range(3))
-    one, other = second - first, third - first
-    up = one[0] * other[1] - one[1] * other[0]
-    some = np.flatnonzero(up > _NO_AREA)
-    one, other = one[:, some], other[:, some]
-    x = one[1] * other[2] - one[2] * other[1]
-    y = one[2] * other[0] - one[0] * other[2]
-    slope = np.hypot(x, y) / up[some]
+def _select_shallow_facets(triangles: Float, steepest: float) -> tuple[Float, Float]:
+    """Return the upward facets (T, 3, 3) up to a slope, and their slopes (T,), as tangents."""
+    upward = triangles[_cross_sides(triangles, 0, 1) > _NO_AREA]
+    normal = [_cross_sides(upward, *axes) for axes in ((1, 2), (2, 0), (0, 1))]
+    slope = np.hypot(normal[0], normal[1]) / normal[2]
     shallow = slope <= steepest + _ROUNDING
-    return some[shallow], slope[shallow]
+    return upward[shallow], slope[shallow]
+
+
+def _cross_sides(triangles: Float, x: int, y: int) -> Float:
+    """Return the cross product (n,) of two sides of triangles (n, 3, 3) in the plane of two axes."""
+    (ax, ay), (bx, by), (cx, cy) = ((triangles[:, corner, x], triangles[:, corner, y]) for corner in range(3))
+    return np.asarray((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
 def _list_reached_layers(z: Float, plan: LayerPlan) -> tuple[Int, Int]:
