@@ -21,6 +21,7 @@ from printer_slicer.contouring.z_profiles import (
     smooth,
 )
 from printer_slicer.extrusion import move_seconds
+from printer_slicer.facts.findings import list_slicing_warnings
 from printer_slicer.geometry import difference
 from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
 from printer_slicer.pipeline import slice_stages
@@ -391,3 +392,38 @@ def test_a_contoured_loop_has_no_scarf_and_others_keep_theirs() -> None:
     assert (scarfed & external & (paths.layer < 4)).any()
     assert not (scarfed & external & (paths.layer > 6) & (paths.layer < paths.plan.n_layers - 2)).any()
     assert (deep & ~scarfed).any()
+
+
+@pytest.mark.parametrize("degrees", [5.0, 12.0])
+def test_the_shell_below_a_contoured_top_is_as_thick_as_below_a_flat_one(degrees: float) -> None:
+    mesh, profile = wedge(degrees, (40.0, 12.0)), contoured(slope_shell_ratio=0.0)
+    stages = slice_stages(mesh, profile)
+    plan, infill = stages.sections.plan, stages.regions.internal_infill
+    left = float(stages.part.bounds[0, 0])
+    found = 0
+    for layer in np.flatnonzero(infill.used):
+        nearest = min(float(ring[:, 0].min()) for ring in infill.rings(layer))
+        surface = float(wedge_height(np.array(nearest - left), degrees))
+        end = int(np.searchsorted(plan.bottom, plan.top[layer] + profile.quality.top_thickness - 1e-6)) - 1
+        if end < plan.n_layers - 1:
+            found += 1
+            assert surface >= plan.cut[end] - 0.02
+    assert found > 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"z_step": 0.04, "layer_step": 0.04}, "steps of 0.04 mm"),
+        ({"containment": "negative"}, "no effect with containment = negative"),
+        ({}, ""),
+    ],
+    ids=["coarse", "contained", "fine"],
+)
+def test_what_makes_contouring_poor_is_told(changes: dict[str, object], said: str) -> None:
+    profile = contoured(**changes)
+
+    warnings = list_slicing_warnings(slice_stages(wedge(10.0), profile), profile, [])
+
+    assert said in "".join(warnings)
+    assert bool(said) == any("z_contouring" in one for one in warnings)
