@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,6 +18,7 @@ from printer_slicer.contouring.tops import find_steepest_slopes
 from printer_slicer.contouring.z_profiles import (
     MAX_CHANGE,
     Positions,
+    fill_short_dips,
     find_needed_points,
     limit_changes,
     smooth,
@@ -258,6 +261,40 @@ def test_limited_changes_are_the_lowest_that_are_high_enough(z: Float, step: flo
     apart = np.abs(np.subtract.outer(np.arange(len(z)), np.arange(len(z)))) * step
     apart = np.minimum(apart, len(z) * step - apart) if closed else apart
     assert limited == pytest.approx((z - MAX_CHANGE * apart).max(axis=1), abs=1e-7)
+
+
+@given(
+    low=st.lists(st.lists(st.booleans(), min_size=2, max_size=40), min_size=1, max_size=4),
+    closed=st.booleans(),
+    shortest=st.sampled_from([0.6, 1.1, 2.0]),
+)
+def test_short_dips_between_high_places_are_filled(
+    low: list[list[bool]], closed: bool, shortest: float
+) -> None:
+    sizes = [len(one) for one in low]
+    start = np.append(0, np.cumsum(sizes))
+    steps = np.full(start[-1], 0.25)
+    steps[start[1:] - 1] *= closed
+    z = np.where(np.concatenate(low), -0.1, 0.0)
+
+    filled = fill_short_dips(z, Positions.from_steps(steps, start, np.full(len(low), closed)), shortest)
+
+    for first, last in pairwise(start):
+        assert filled[first:last].tolist() == _fill(z[first:last].tolist(), closed, shortest)
+
+
+def _fill(z: list[float], closed: bool, shortest: float) -> list[float]:
+    """The same, dip by dip; loops are turned so that they begin at a high place."""
+    if 0.0 not in z:
+        return z
+    turn = z.index(0.0) if closed else 0
+    line = z[turn:] + z[:turn] + ([0.0] if closed else [])
+    high = [place for place, one in enumerate(line) if one == 0]
+    for one, other in pairwise(high):
+        if (other - one) * 0.25 < shortest:
+            line[one:other] = [0.0] * (other - one)
+    line = line[: len(z)]
+    return line[len(z) - turn :] + line[: len(z) - turn]
 
 
 @given(

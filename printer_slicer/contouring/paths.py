@@ -12,7 +12,13 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints
 from printer_slicer.contouring.tops import find_steepest_slopes
-from printer_slicer.contouring.z_profiles import Positions, find_needed_points, limit_changes, smooth
+from printer_slicer.contouring.z_profiles import (
+    Positions,
+    fill_short_dips,
+    find_needed_points,
+    limit_changes,
+    smooth,
+)
 from printer_slicer.model import Toolpaths
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.profile import Profile
@@ -154,7 +160,7 @@ def _find_offsets(
     z[covered] = np.minimum(np.maximum(surface, lowest) - top, 0.0)[covered]
     z[covered] = np.minimum(smooth(z, positions, covered), 0.0)
     z = limit_changes(z, positions)
-    return np.where(z > -_ROUNDING, 0.0, z)
+    return fill_short_dips(np.where(z > -_ROUNDING, 0.0, z), positions, profile.printer.nozzle_flat)
 
 
 def _replace_points(paths: Toolpaths, chosen: Int, fine: _FinePoints, kept: Bool, z: Float) -> Toolpaths:

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float, Int, run_starts
+from printer_slicer.arrays import Bool, Float, Int, previous_in_ring, run_starts
 from printer_slicer.values import Struct
 
-__all__ = ["MAX_CHANGE", "Positions", "find_needed_points", "limit_changes", "smooth"]
+__all__ = ["MAX_CHANGE", "Positions", "fill_short_dips", "find_needed_points", "limit_changes", "smooth"]
 
 _SMOOTHED_LENGTH: Final = 0.5  # mm of path over which z is averaged
 MAX_CHANGE: Final = float(np.tan(np.deg2rad(20.0)))
@@ -113,6 +113,32 @@ def limit_changes(z: Float, positions: Positions) -> Float:
             z[first] = np.where(closed, np.maximum(z[first], z[last] - gap), z[first])
             z = np.maximum.accumulate(z + rising) - rising
     return z
+
+
+def fill_short_dips(z: Float, positions: Positions, shortest: float) -> Float:
+    """Raise z (N,) to 0 where it is lower over less than `shortest` mm of path, between two places where it is 0.
+
+    The nozzle does not reach into such a dip without touching both of its sides. Dips that end with an open path stay.
+    """
+    low, first, last = z < 0, positions.start[:-1], positions.start[1:] - 1
+    previous, owner = previous_in_ring(positions.start), positions.owner
+    step = np.append(np.diff(positions.along), 0.0)
+    step[last] = positions.begin + positions.length - positions.along[last]
+    before = low[previous]
+    before[first] |= ~positions.closed
+    begins = low & ~before
+    number = np.cumsum(begins)
+    none_yet: Bool = number == (number[first] - begins[first])[owner]
+    # What is low at the start of a loop belongs to its last dip.
+    number = np.where(none_yet, np.where(positions.closed, number[last], 0)[owner], number)
+    whole: Bool = none_yet & (number == (np.cumsum(begins)[first] - begins[first])[owner])
+    number[whole | ~low] = 0
+    length = np.bincount(number, step, minlength=int(begins.sum()) + 1)
+    length += np.bincount(number[begins], step[previous[begins]], minlength=len(length))
+    short = length < shortest
+    short[0] = False
+    short[number[last[low[last] & ~positions.closed]]] = False
+    return np.where(short[number], 0.0, z)
 
 
 def find_needed_points(z: Float, positions: Positions, is_corner: Bool) -> Bool:

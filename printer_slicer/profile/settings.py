@@ -53,6 +53,9 @@ _LENGTH: Final = r"\d{1,4}(\.\d+)?"
 _HEAD_SHAPE: Final = rf"^{_LENGTH}: ?({_LENGTH}|{_CORNER}( {_CORNER})+)$"
 
 
+_FLAT_RATIO: Final = 2.5  # nozzle diameters
+
+
 class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Settings of a printer: dimensions, limits, firmware and macros."""
 
@@ -331,6 +334,11 @@ class Printer(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def firmware(self) -> Firmware:
         """Properties of the printer's firmware."""
         return FIRMWARES[self.flavour]
+
+    @property
+    def nozzle_flat(self) -> float:
+        """Diameter of the flat underside of the nozzle, mm."""
+        return self.nozzle_flat_diameter or _FLAT_RATIO * self.nozzle_diameter
 
     @property
     def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
