@@ -116,7 +116,7 @@ def limit_changes(z: Float, positions: Positions) -> Float:
 
 
 def fill_short_dips(z: Float, positions: Positions, shortest: float) -> Float:
-    """Raise z (N,) to 0 where it is lower over less than `shortest` mm of path, between two places where it is 0.
+    """Raise z (N,) to 0 in dips between two places where it is 0, if their bottom is shorter than `shortest` mm.
 
     The nozzle does not reach into such a dip without touching both of its sides. Dips that end with an open path stay.
     """
@@ -135,7 +135,9 @@ def fill_short_dips(z: Float, positions: Positions, shortest: float) -> Float:
     number[whole | ~low] = 0
     length = np.bincount(number, step, minlength=int(begins.sum()) + 1)
     length += np.bincount(number[begins], step[previous[begins]], minlength=len(length))
-    short = length < shortest
+    deepest = np.zeros(len(length))
+    np.minimum.at(deepest, number, z)
+    short = length + 2 * deepest / MAX_CHANGE < shortest  # without the steepest possible sides
     short[0] = False
     short[number[last[low[last] & ~positions.closed]]] = False
     return np.where(short[number], 0.0, z)
