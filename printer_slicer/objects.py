@@ -10,7 +10,7 @@ from printer_slicer.arrays import Int
 from printer_slicer.combine_perimeters import combine_perimeters
 from printer_slicer.compensation import compensate
 from printer_slicer.errors import PartError, UsageError
-from printer_slicer.geometry import difference, union
+from printer_slicer.geometry import difference, intersection, union
 from printer_slicer.infill import Infill, infill_paths
 from printer_slicer.layer_settings import LayerSettings, resolve_layer_settings
 from printer_slicer.model import LayerPlan, Mesh, PlateObject, Regions, Sections, Toolpaths, Walls
@@ -186,13 +186,15 @@ def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
     resolution = profile.quality.resolution
     if not profile.quality.z_contouring:
         return cut(mesh, plan, resolution)
-    from printer_slicer.contouring import find_reached_areas, find_tops  # noqa: PLC0415 - off by default
+    from printer_slicer.contouring import find_reached_areas, find_tops, make_contour_rule  # noqa: PLC0415 - off by default
 
-    tops = find_tops(mesh, plan, profile)
-    if tops is None:
+    rule = plan.contour_rule or make_contour_rule(profile)
+    tops = find_tops(mesh, plan, rule) if rule else None
+    if rule is None or tops is None:
         return cut(mesh, plan, resolution)
-    reached = find_reached_areas(tops, profile)
-    return replace(cut(mesh, plan, resolution, reached), below_cut=reached)
+    reached = find_reached_areas(tops, rule)
+    sections = cut(mesh, plan, resolution, reached)
+    return replace(sections, below_cut=intersection(reached.lower, sections.solid))
 
 
 def _subtract_earlier(sections: Sequence[Sections]) -> list[Sections]:

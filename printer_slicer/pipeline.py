@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import NoneType
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Final, Unpack
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from printer_slicer.extrusion import cool, make_moves
 from printer_slicer.healing import repair, require_no_repair
 from printer_slicer.labelling import SupportOwners, label_moves
 from printer_slicer.model import (
+    ContourDeviations,
     LayerPlan,
     Mesh,
     ObjectStack,
@@ -45,6 +46,7 @@ from printer_slicer.ordering import apply_spiral_settings, order
 from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile, profile_with
+from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.progress import Report, quiet
 from printer_slicer.regions import classify
 from printer_slicer.roles import roles_with
@@ -68,6 +70,9 @@ __all__ = [
     "slice_planned",
     "slice_stages",
 ]
+
+
+_MOST_LEVELLINGS: Final = 2
 
 
 @check_arguments(placement=Placement, strategies=Strategies, volumes=(Volumes, NoneType))
@@ -164,7 +169,12 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     del mesh, repaired  # free memory: millions of facets take hundreds of megabytes
     report("planning")
     stacks = plan_objects(part, profile, strategies) if plan is None else make_stacks(part, plan)
-    stages = slice_planned(part, list_stack_plans(stacks), profile, report, strategies, keep=keep)
+    run = partial(slice_planned, part, profile=profile, report=report, strategies=strategies, keep=keep)
+    stages = (
+        _slice_contoured(stacks, profile, run)
+        if profile.quality.z_contouring
+        else run(list_stack_plans(stacks))
+    )
     repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
@@ -172,7 +182,39 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
         from printer_slicer.supports.unsupported_islands import require_supported_islands  # noqa: PLC0415 - only on request
 
         require_supported_islands(part.name, stages.overhangs, stages.supports, shift)
-    return replace(stages, repairs=repairs, shift=shift, stacks=stacks if len(stacks) > 1 else stages.stacks)
+    if len(stacks) > 1:
+        made = zip(stacks, stages.stacks, strict=True)
+        stages = replace(
+            stages, stacks=tuple(replace(one, plan=two.plan, contours=two.contours) for one, two in made)
+        )
+    return replace(stages, repairs=repairs, shift=shift)
+
+
+def _slice_contoured(
+    stacks: Sequence[ObjectStack], profile: Profile, run: Callable[[Plans], Stages]
+) -> Stages:
+    """Slice stacks with contoured tops; layers that then break the tolerance are sliced once more with level tops.
+
+    `run` slices plans.
+    """
+    from printer_slicer.contouring import add_contour_rule, find_tops_to_level, level_layers  # noqa: PLC0415
+    from printer_slicer.planning.z_steps import layer_tolerances  # noqa: PLC0415 - off by default
+
+    stacks = [replace(one, plan=add_contour_rule(one.plan, profile)) for one in stacks]
+    stages = run(list_stack_plans(stacks))
+    if isinstance(profile.quality.planner, UniformPlanner):
+        return stages
+    for _ in range(_MOST_LEVELLINGS):
+        tops = [
+            top
+            for one in stages.stacks
+            for top in find_tops_to_level(one, layer_tolerances(profile, one.plan.bottom, one.plan.top))
+        ]
+        if not tops:
+            break
+        stacks = [replace(one, plan=level_layers(one.plan, tops)) for one in stacks]
+        stages = run(list_stack_plans(stacks))
+    return stages
 
 
 def slice_planned(  # noqa: PLR0913 - all options have defaults
@@ -198,7 +240,8 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     solid, walls, regions, found, supports = made
     report("ordering")
     printed = _stand_on_raft(paths, (solid, supports), profile)
-    toolpaths = _order(paths, printed, part, float(printed.plan.top[-1] - solid.plan.top[-1]), profile)
+    lift = float(printed.plan.top[-1] - solid.plan.top[-1])
+    toolpaths, contours = _order(paths, solid, printed, part, profile)
     if profile.quality.arc_tolerance:
         from printer_slicer.curves import fit_arcs  # noqa: PLC0415 - few profiles allow arcs
 
@@ -224,32 +267,60 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     made_later = toolpaths, travels, program, link, labels, Repairs()
     found_overhangs = _join_overhangs(found)
     stacks = make_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan)
+    if contours is not None:
+        stacks = tuple(replace(one, contours=contours.select_layers(one.plan.top + lift)) for one in stacks)
     return Stages(part, solid, walls, regions, *made_later, *found_overhangs, supports, stacks=stacks)
 
 
-def _order(paths: list[Toolpaths], printed: Sections, part: Mesh, lift: float, profile: Profile) -> Toolpaths:
+def _order(
+    paths: list[Toolpaths], solid: Sections, printed: Sections, part: Mesh, profile: Profile
+) -> tuple[Toolpaths, ContourDeviations | None]:
     """Return the only paths of a list in printing order, which are removed from it, with contoured tops if asked for.
 
-    `lift` is the height of the raft under the part, mm.
+    The deviations of these follow.
+
+    Args:
+        paths: the paths.
+        solid: the sections of the part.
+        printed: the sections of all printed layers.
+        part: its surface.
+        profile: order, seams and rule of contouring.
     """
     if not profile.quality.z_contouring:
-        return order(paths.pop(), printed, profile)
-    from printer_slicer.contouring import FacetBins, contour, find_contoured_paths, find_tops  # noqa: PLC0415
+        return order(paths.pop(), printed, profile), None
+    from printer_slicer.contouring import (  # noqa: PLC0415 - off by default
+        FacetBins,
+        contour,
+        find_contoured_paths,
+        find_tops,
+        make_contour_rule,
+        measure_deviations,
+    )
 
-    tops = find_tops(part, printed.plan, profile, lift)
-    if tops is None:
-        return order(paths.pop(), printed, profile)
+    rule = solid.plan.contour_rule or make_contour_rule(profile)
+    lift = float(printed.plan.top[-1] - solid.plan.top[-1])
+    tops = find_tops(part, printed.plan, rule, lift) if rule else None
+    if rule is None or tops is None:
+        return order(paths.pop(), printed, profile), None
     bins = FacetBins.from_tops(tops)
     is_contoured = find_contoured_paths(paths[0], bins)
-    return contour(order(paths.pop(), printed, profile, is_contoured), bins, profile)
+    toolpaths = contour(order(paths.pop(), printed, profile, is_contoured), bins, printed, rule)
+    return toolpaths, measure_deviations(toolpaths, bins, printed, rule)
 
 
 def _slice_one_by_one(part: Mesh, plan: Plans, profile: Profile, run: Callable[..., Stages]) -> Stages:
     """Slice each object of a part with a function, and join them so that they are printed one after the other."""
     from printer_slicer.sequential import join_stages, split_for_sequence  # noqa: PLC0415 - few plates need it
 
-    stages = join_stages(part, [run(*one) for one in split_for_sequence(part, plan, profile)], profile)
-    return replace(stages, stacks=make_stacks(part, plan))
+    made = [run(*one) for one in split_for_sequence(part, plan, profile)]
+    stages, stacks = join_stages(part, made, profile), make_stacks(part, plan)
+    if profile.quality.z_contouring:
+        found = [one.stacks[0].contours for one in made]
+        stacks = tuple(
+            replace(one, contours=ContourDeviations.find_worst([found[index] for index in one.objects]))
+            for one in stacks
+        )
+    return replace(stages, stacks=stacks)
 
 
 def _select_adhesion(paths: Toolpaths) -> Toolpaths:

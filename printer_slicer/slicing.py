@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -10,11 +10,9 @@ from printer_slicer.arrays import Float, Int, reorder_points
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import (
     Areas,
-    close_gaps,
     difference,
     normalize,
     offset,
-    offset_open,
     simplify,
     union,
 )
@@ -36,6 +34,9 @@ from printer_slicer.model import (
     VolumeSections,
 )
 
+if TYPE_CHECKING:
+    from printer_slicer.contouring import ReachedAreas
+
 __all__ = [
     "contours",
     "cut",
@@ -49,7 +50,6 @@ __all__ = [
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
 _CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
-_SLIVER = 0.01  # mm; half the width of slivers that are removed
 _MOST_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
 _BLOCKER_MARGIN = 0.01  # mm; blockers are grown by this, so that no slivers remain at their sides
@@ -57,7 +57,7 @@ _PAINT_MARGIN = 0.1  # mm; painted facets are grown by this
 _MEND = "Close the mesh in your CAD program: look for missing or flipped faces there"
 
 
-def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = None) -> Sections:
+def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: ReachedAreas | None = None) -> Sections:
     """Compute the solid area of the part in each layer, without the negative volumes.
 
     Args:
@@ -65,7 +65,7 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = 
         plan: the layers and their cut planes.
         resolution: tolerance for simplifying contours before polygon operations, mm. With positive or negative
             containment a smaller one is used, and the result never violates the containment.
-        reached: areas beside the sections that extrusions lower than their layer fill; they are added.
+        reached: areas beside the sections that contoured extrusions fill; they are added.
 
     Raises:
         PartError: no layer contains material, or the contours cannot be closed.
@@ -80,18 +80,10 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: Areas | None = 
         )
     inverted = None if exact else _find_inverted_areas(rings.areas, solid)
     if reached is not None:
-        solid = _add_reached_areas(solid, reached, resolution)
+        solid = reached.add_to(solid, resolution)
     if mesh.volumes and mesh.volumes.negative:
         solid = _subtract_negative(mesh, mesh.volumes.negative, plan, solid)
     return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
-
-
-def _add_reached_areas(solid: Areas, reached: Areas, resolution: float) -> Areas:
-    """Add areas to the solid areas, without the gaps, slivers and many points that this makes along their borders."""
-    changed = reached.used
-    joined = close_gaps(union(solid.of_layers(changed), reached), _SLIVER + resolution)
-    joined = offset_open(joined, _SLIVER)
-    return solid.of_layers(~changed).merge(normalize(simplify(joined, resolution)))
 
 
 def _subtract_negative(mesh: Mesh, negative: Mesh, plan: LayerPlan, solid: Areas) -> Areas:

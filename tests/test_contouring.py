@@ -12,9 +12,9 @@ from hypothesis.extra import numpy as arrays
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.contouring import FacetBins, find_tops
+from printer_slicer.contouring import FacetBins, find_tops, make_contour_rule
+from printer_slicer.contouring.fine_points import FinePoints
 from printer_slicer.contouring.surface_heights import LayerPoints
-from printer_slicer.contouring.tops import find_steepest_slopes
 from printer_slicer.contouring.z_profiles import (
     MAX_CHANGE,
     Positions,
@@ -32,8 +32,9 @@ from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, is_perimeter
 from printer_slicer.slicing import cut
 from printer_slicer.stages import Stages
+from printer_slicer.surface import certify_stacks
 from tests.contoured_parts import dome, wedge, wedge_height
-from tests.parts import box, layers, plain, pyramid, turned
+from tests.parts import box, joined, layers, plain, pyramid, turned
 
 LEAST = 0.05  # mm, the default least height
 WEDGES = pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0, 20.0, 25.0])
@@ -337,21 +338,25 @@ def test_heights_from_bins_are_those_of_all_facets(seed: int, height: float) -> 
     side = corners[:, 1:, :2] - corners[:, :1, :2]
     clockwise = side[:, 0, 0] * side[:, 1, 1] < side[:, 0, 1] * side[:, 1, 0]
     corners[clockwise] = corners[clockwise, ::-1]
-    plan, profile = layers(int(1.6 / height), height), contoured()
-    tops = find_tops(Mesh(corners, "facets"), plan, profile)
+    plan, rule = layers(int(1.6 / height), height), make_contour_rule(contoured())
+    assert rule is not None
+    tops = find_tops(Mesh(corners, "facets"), plan, rule)
     if tops is None:
         return
     xy, layer = random.uniform(-4, 4, (200, 2)), np.sort(random.integers(1, plan.n_layers, 200))
-    steepest = find_steepest_slopes(plan.height, profile)[layer]
+    steepest = rule.find_max_slopes(plan.height)[layer]
     points = LayerPoints(xy, layer, plan.bottom[layer], plan.top[layer], steepest)
 
-    found = FacetBins.from_tops(tops).find_heights(points)
+    bins = FacetBins.from_tops(tops)
+    found = bins.measure_heights(xy, bins.find_facets(points))
 
-    assert found == pytest.approx(_highest(tops.corners, points), abs=1e-6, nan_ok=True)
+    least, most = (_highest(tops.corners, points, margin) for margin in (1e-3, -1e-3))
+    assert (found >= least - 1e-6).all()
+    assert (found <= most + 1e-6).all()
 
 
-def _highest(corners: Float, points: LayerPoints) -> Float:
-    """The heights by brute force: barycentric coordinates of all points in all facets."""
+def _highest(corners: Float, points: LayerPoints, margin: float) -> Float:
+    """The heights by brute force: barycentric coordinates of all points in all facets, beyond a margin."""
     one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
     gap = points.xy[:, None] - corners[None, :, 0, :2]
@@ -360,9 +365,74 @@ def _highest(corners: Float, points: LayerPoints) -> Float:
     z = corners[:, 0, 2] + u * one[:, 2] + v * other[:, 2]
     normal = np.cross(one, other)
     slope = np.hypot(normal[:, 0], normal[:, 1]) / normal[:, 2]
-    within = (u >= 0) & (v >= 0) & (u + v <= 1) & (slope <= points.steepest[:, None])
-    within &= (z >= points.bottom[:, None]) & (z <= points.top[:, None])
+    within = (u >= margin) & (v >= margin) & (u + v <= 1 - margin) & (slope <= points.steepest[:, None])
+    within &= z >= points.bottom[:, None] + 1e-6 * np.sign(margin)
+    within &= z <= points.top[:, None] - 1e-6 * np.sign(margin)
     return np.where(within, z, -np.inf).max(axis=1)
+
+
+def points_every_tenth(stages: Stages) -> tuple[Float, Float]:
+    """Points every 0.1 mm of all paths, relative to the part, and how deep they are lowered."""
+    paths = stages.toolpaths
+    fine = FinePoints.of(paths, 0.1)
+    begin, end = (paths.z_offset[one] for one in (fine.corner, paths.following[fine.corner]))
+    return fine.xy - stages.part.bounds[0, :2], -(begin + fine.share * (end - begin))
+
+
+def distances_from_tower(xy: Float) -> Float:
+    """Distances from `tower`, negative within."""
+    return np.asarray(np.maximum([4.0, 3.0] - xy, xy - [8.0, 7.0]).max(axis=1))
+
+
+def test_surfaces_inside_other_bodies_are_not_followed() -> None:
+    tower = box((4.0, 4.0, 8.0), (4.0, 3.0, 0.0))
+    deepest = {}
+    for name, bodies in (("alone", [wedge(10.0)]), ("together", [wedge(10.0), tower])):
+        xy, depth = points_every_tenth(sliced(joined(bodies)))
+        inside = distances_from_tower(xy) < 0
+        deepest[name] = depth[inside].max(), depth[~inside].max()
+
+    assert min(deepest["alone"]) > 0.1
+    assert deepest["together"][0] < 0.06  # z changes by at most 20 degrees over the 0.25 mm up to the border
+    assert deepest["together"][1] > 0.1
+
+
+def test_extrusions_beside_steep_surfaces_stay_at_the_top_of_their_layer() -> None:
+    xy, depth = points_every_tenth(sliced(joined([wedge(10.0), box((4.0, 4.0, 8.0), (4.0, 3.0, 0.0))])))
+
+    far = distances_from_tower(xy[depth > 0.02])
+    assert -0.25 < far.min() < 0.3
+    assert (depth[distances_from_tower(xy) < -0.25] == 0).all()
+
+
+def test_deviations_of_printed_extrusions_are_those_of_half_a_width() -> None:
+    stages = sliced(wedge(15.0, (12.0, 10.0)))
+    contours = stages.stacks[0].contours
+    assert contours is not None
+    sloped = (contours.top > 1.4) & (contours.top < stages.part.height - 0.2)
+
+    assert contours.deviation[sloped].max() <= 0.45 / 2 * np.tan(np.deg2rad(15.0)) + 0.03
+    assert contours.deviation[sloped].min() > 0.02
+    x = contours.place[sloped, 0] - stages.part.bounds[0, 0]
+    assert contours.place[sloped, 2] == pytest.approx(wedge_height(x, 15.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("mesh", [wedge(20.0), dome(), joined([wedge(12.0), pyramid(6.0, 5.0)])])
+def test_printed_extrusions_keep_the_tolerance(mesh: Mesh) -> None:
+    stages = sliced(mesh, planner__kind="optimal", tolerance=0.1)
+
+    assert certify_stacks(stages.stacks).max_error <= 0.1 + 1e-6
+
+
+def test_layers_that_break_the_tolerance_are_levelled() -> None:
+    stages = sliced(wedge(20.0), planner__kind="optimal", tolerance=0.08)
+    (stack,) = stages.stacks
+    rule = stack.plan.contour_rule
+    assert rule is not None
+    if rule.level_tops:
+        level = np.isin(stages.toolpaths.plan.top, rule.level_tops)
+        owner = point_paths(stages.toolpaths)
+        assert (stages.toolpaths.z_offset[level[stages.toolpaths.layer[owner]]] == 0).all()
 
 
 def test_a_widened_section_is_that_at_half_of_the_least_height() -> None:
@@ -392,16 +462,20 @@ def test_steep_tops_and_contained_parts_stay_flat(changes: dict[str, object]) ->
     assert not sliced(wedge(10.0), **changes).toolpaths.z_offset.any()
 
 
+def find_max_slopes(height: Float, **changes: object) -> Float:
+    rule = make_contour_rule(contoured(**changes))
+    assert rule is not None
+    return rule.find_max_slopes(height)
+
+
 def test_the_rule_of_slopes() -> None:
     height = np.array([0.1, 0.2, 0.3])
     width = contoured().extrusion_width
 
-    steepest = find_steepest_slopes(height, contoured())
+    steepest = find_max_slopes(height)
 
     assert steepest == pytest.approx(np.minimum(1.2 * height / width, np.tan(np.deg2rad(35))))
-    assert find_steepest_slopes(height, contoured(contour_max_slope_deg=30.0)) == pytest.approx(
-        np.tan(np.deg2rad(30))
-    )
+    assert find_max_slopes(height, contour_max_slope_deg=30.0) == pytest.approx(np.tan(np.deg2rad(30)))
 
 
 def test_first_layers_and_rafts_are_not_contoured() -> None:

@@ -2,13 +2,14 @@
 
 A flat layer differs from a sloped surface by a quarter of its height on average. The underside of the nozzle is flat,
 so a contoured extrusion is level across its width, and exact along it: it differs by a quarter of width · tan(slope),
-whatever the layer height is. So only shallow surfaces are followed, see `find_steepest_slopes`.
+whatever the layer height is. So only shallow surfaces are followed, see `ContourRule`.
 
     Mesh, LayerPlan     -> `find_tops`            -> Tops: the shallow upward facets, by layer
-    Tops                -> `find_reached_areas`   -> Areas by which `slicing` widens sections: what low extrusions reach
+    Tops                -> `find_reached_areas`   -> by which `slicing` widens sections: what low extrusions reach
     Tops                -> `FacetBins`            -> the same facets, by layer and place
     Toolpaths, bins     -> `find_contoured_paths` -> `ordering` prints these walls from the outside in, without scarfs
     Toolpaths, bins     -> `contour`              -> Toolpaths with `z_offset` and `flow_ratio`
+    Toolpaths, bins     -> `measure_deviations`   -> ContourDeviations: how far they are from the surface
 
 Sources: H. Song, N. Ray, D. Sokolov, S. Lefebvre 2017, "Anti-aliasing for fused filament deposition", for heights that
 vary along a path within its layer. The rule of slopes, the fades and the order are derived in docs/contoured-tops.md.
@@ -16,8 +17,29 @@ vary along a path within its layer. The rule of slopes, the fades and the order 
 
 from __future__ import annotations
 
+from printer_slicer.contouring.deviations import measure_deviations
 from printer_slicer.contouring.paths import contour, find_contoured_paths
+from printer_slicer.contouring.rules import (
+    add_contour_rule,
+    find_tops_to_level,
+    level_layers,
+    make_contour_rule,
+)
 from printer_slicer.contouring.surface_heights import FacetBins
-from printer_slicer.contouring.tops import Tops, find_reached_areas, find_tops
+from printer_slicer.contouring.tops import Tops, find_tops
+from printer_slicer.contouring.widening import ReachedAreas, find_reached_areas
 
-__all__ = ["FacetBins", "Tops", "contour", "find_contoured_paths", "find_reached_areas", "find_tops"]
+__all__ = [
+    "FacetBins",
+    "ReachedAreas",
+    "Tops",
+    "add_contour_rule",
+    "contour",
+    "find_contoured_paths",
+    "find_reached_areas",
+    "find_tops",
+    "find_tops_to_level",
+    "level_layers",
+    "make_contour_rule",
+    "measure_deviations",
+]

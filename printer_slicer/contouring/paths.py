@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
 from printer_slicer import bead
-from printer_slicer.arrays import Bool, Float, Int, consecutive, distinct
+from printer_slicer.arrays import Bool, Float, Int, consecutive
+from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
-from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints
-from printer_slicer.contouring.tops import find_steepest_slopes
+from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
+from printer_slicer.contouring.tops import BESIDE_RATIO
 from printer_slicer.contouring.z_profiles import (
     Positions,
     fill_short_dips,
@@ -19,11 +19,10 @@ from printer_slicer.contouring.z_profiles import (
     limit_changes,
     smooth,
 )
-from printer_slicer.model import Toolpaths
+from printer_slicer.model import ContourRule, Sections, Toolpaths
 from printer_slicer.model.layers import SAME_TOP
-from printer_slicer.profile import Profile
 from printer_slicer.roles import Role
-from printer_slicer.values import Struct, replace
+from printer_slicer.values import replace
 
 __all__ = ["contour", "find_contoured_paths"]
 
@@ -32,7 +31,6 @@ _COARSE_SPACING: Final = 0.5  # mm, of the points at which surfaces are searched
 _LEAST_DEPTH: Final = 0.01  # mm; paths that are nowhere lower than their layer by this much stay flat
 _ROUNDING: Final = 1e-9  # mm
 _HIGHER: Final = 1e-3  # mm
-_POINTS_AT_ONCE: Final = 1 << 18  # bounds the memory for points of paths that are not contoured
 _CONTOURED_ROLES: Final = (
     Role.EXTERNAL_PERIMETER,
     Role.PERIMETER,
@@ -42,63 +40,24 @@ _CONTOURED_ROLES: Final = (
 )
 
 
-class _FinePoints(Struct, frozen=True, eq=False):
-    """Points of paths at most a given distance apart.
-
-    Attributes:
-        start: (M + 1,) index of the first point of each path.
-        corner: (N,) index of the point of the path, or of the one before an added point.
-        share: (N,) position between this point and the next one, 0 to 1.
-        xy: (N, 2) mm.
-    """
-
-    start: Int
-    corner: Int
-    share: Float
-    xy: Float
-
-    @classmethod
-    def of(cls, paths: Toolpaths, spacing: float) -> _FinePoints:
-        """Add points to all lines of paths, at most `spacing` mm apart."""
-        step = paths.xy.take(paths.following, axis=0) - paths.xy
-        count = np.maximum(np.ceil(np.hypot(*step.T) / spacing), 1).astype(np.int64)
-        corner = np.repeat(np.arange(len(count)), count)
-        share = consecutive(np.zeros_like(count), count) / count.take(corner)
-        xy = paths.xy.take(corner, axis=0) + share[:, None] * step.take(corner, axis=0)
-        return cls(np.append(0, np.cumsum(count))[paths.start], corner, share, xy)
-
-    @property
-    def owner(self) -> Int:
-        """Path (N,) of each point."""
-        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
-
-
 def find_contoured_paths(paths: Toolpaths, bins: FacetBins) -> Bool:
     """Return a mask (M,) of the paths that may be contoured: those that come near a shallow upper surface."""
     result = np.zeros(paths.n_paths, np.bool_)
     candidates = np.flatnonzero(_may_be_contoured(paths, bins))
-    for batch in _split_by_length(paths.take(candidates)):
-        some = paths.take(candidates[batch])
-        fine = _FinePoints.of(some, _COARSE_SPACING)
+    for batch in split_by_length(paths, candidates, _COARSE_SPACING):
+        some = paths.take(batch)
+        fine = FinePoints.of(some, _COARSE_SPACING)
         owner = fine.owner
-        found = bins.find_bins(fine.xy, some.layer[owner]) >= 0
-        result[candidates[batch]] = np.bincount(owner[found], minlength=some.n_paths) > 0
+        near = bins.are_near_followed(fine.xy, some.layer[owner])
+        result[batch] = np.bincount(owner[near], minlength=len(batch)) > 0
     return result
-
-
-def _split_by_length(paths: Toolpaths) -> Iterator[Int]:
-    """Yield batches of paths with a limited number of points, unless one path has more."""
-    points = np.cumsum(paths.length() / _COARSE_SPACING + np.diff(paths.start))
-    batch = (points / _POINTS_AT_ONCE).astype(np.int64)
-    for number in distinct(batch):
-        yield np.flatnonzero(batch == number)
 
 
 def _may_be_contoured(paths: Toolpaths, bins: FacetBins) -> Bool:
     """Return a mask (M,) of the paths whose role, layer and height allow contouring."""
     tops, plan = bins.tops, paths.plan
     has_tops = np.zeros(plan.n_layers, np.bool_)
-    has_tops[tops.layer] = True
+    has_tops[tops.layer[tops.followed]] = True
     result = np.isin(paths.role, _CONTOURED_ROLES) & has_tops[paths.layer]
     result &= paths.height < plan.height[paths.layer] + _HIGHER  # not several layers high
     result &= paths.z_top - paths.height > tops.base + SAME_TOP
@@ -106,25 +65,26 @@ def _may_be_contoured(paths: Toolpaths, bins: FacetBins) -> Bool:
     return np.asarray(result)
 
 
-def contour(paths: Toolpaths, bins: FacetBins, profile: Profile) -> Toolpaths:
+def contour(paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule) -> Toolpaths:
     """Lower paths to the shallow upper surfaces above them, and reduce their flow accordingly.
 
     The top of an extrusion becomes the surface at its centre line, but its height is at least
-    `quality.contour_min_height`. Along a path, z changes by at most 20°, and it returns to the top of the layer before
+    `min_height` of the rule. Along a path, z changes by at most 20°, and it returns to the top of the layer before
     the contoured surface ends. Paths that would change little keep their points and are flat.
 
     Args:
         paths: in printing order; rows of infill that climb are printed from low to high afterwards.
         bins: the surfaces.
-        profile: rules of contouring.
+        sections: of all printed layers; surfaces under the next layer are not followed.
+        rule: of contouring.
     """
     chosen = np.flatnonzero(find_contoured_paths(paths, bins))
     if not len(chosen):
         return paths
     some = paths.take(chosen)
-    fine = _FinePoints.of(some, _SPACING)
+    fine = FinePoints.of(some, _SPACING)
     positions = Positions.from_steps(_measure_steps(fine, some.closed), fine.start, some.closed)
-    z = _find_offsets(some, fine, positions, bins, profile)
+    z = _find_offsets(some, fine, positions, (bins, sections), rule)
     is_lowered = np.minimum.reduceat(z, fine.start[:-1]) < -_LEAST_DEPTH
     if not is_lowered.any():
         return paths
@@ -132,7 +92,7 @@ def contour(paths: Toolpaths, bins: FacetBins, profile: Profile) -> Toolpaths:
     return print_from_low_to_high(_replace_points(paths, chosen, fine, kept, z))
 
 
-def _measure_steps(fine: _FinePoints, closed: Bool) -> Float:
+def _measure_steps(fine: FinePoints, closed: Bool) -> Float:
     """Return the distance (N,) of each point to the next one, mm; 0 at the ends of open paths."""
     following = np.arange(1, len(fine.xy) + 1)
     first, last = fine.start[:-1], fine.start[1:] - 1
@@ -146,24 +106,57 @@ def _full_heights(paths: Toolpaths) -> Float:
 
 
 def _find_offsets(
-    paths: Toolpaths, fine: _FinePoints, positions: Positions, bins: FacetBins, profile: Profile
+    paths: Toolpaths,
+    fine: FinePoints,
+    positions: Positions,
+    part: tuple[FacetBins, Sections],
+    rule: ContourRule,
 ) -> Float:
     """Return the z (N,) of the nozzle over each point, mm from the top of its path."""
+    bins, sections = part
     owner, full = fine.owner, _full_heights(paths)
     top = paths.z_top[owner]
     bottom = top - full[owner]
-    points = LayerPoints(fine.xy, paths.layer[owner], bottom, top, find_steepest_slopes(full, profile)[owner])
-    surface = bins.find_heights(points)
-    lowest = np.minimum(bottom + profile.quality.contour_min_height, top)
-    covered = np.flatnonzero(np.isfinite(surface))
-    z = np.zeros(len(surface))
-    z[covered] = np.minimum(np.maximum(surface, lowest) - top, 0.0)[covered]
+    points = LayerPoints(fine.xy, paths.layer[owner], bottom, top, rule.find_max_slopes(full)[owner])
+    facet = bins.find_facets(points)
+    covered = np.flatnonzero(facet >= 0)
+    covered = covered[is_open_above(points.take(covered), sections)]
+    sides = fine.find_sides(paths)[covered]
+    covered = covered[_is_clear_beside(points.take(covered), facet[covered], sides, bins, rule)]
+    surface = bins.measure_heights(fine.xy[covered], facet[covered])
+    lowest = np.minimum(bottom + rule.min_height, top)[covered]
+    z = np.zeros(len(top))
+    z[covered] = np.minimum(np.maximum(surface, lowest) - top[covered], 0.0)
     z[covered] = np.minimum(smooth(z, positions, covered), 0.0)
     z = limit_changes(z, positions)
-    return fill_short_dips(np.where(z > -_ROUNDING, 0.0, z), positions, profile.printer.nozzle_flat)
+    return fill_short_dips(np.where(z > -_ROUNDING, 0.0, z), positions, rule.nozzle_flat)
 
 
-def _replace_points(paths: Toolpaths, chosen: Int, fine: _FinePoints, kept: Bool, z: Float) -> Toolpaths:
+def _is_clear_beside(
+    points: LayerPoints, facet: Int, side: Float, bins: FacetBins, rule: ContourRule
+) -> Bool:
+    """Return at which points (N,) the surface goes on to both sides of an extrusion, over its width.
+
+    An extrusion is level across its width. So beside a much steeper surface it would leave a hole if it were lower than
+    its layer. Where the surface leaves the layer, there is nothing to be filled.
+
+    Args:
+        points: centres of extrusions.
+        facet: (N,) the surface at each of them.
+        side: (N, 2) vectors to their left sides, mm.
+        bins: all surfaces.
+        rule: minimum height of extrusions.
+    """
+    result = np.ones(len(facet), np.bool_)
+    for xy in (points.xy - side, points.xy + side):
+        z = bins.measure_heights(xy, facet)
+        is_inside = (z > points.bottom + rule.min_height) & (z < points.top - _LEAST_DEPTH)
+        beside = replace(points, xy=xy, steepest=BESIDE_RATIO * points.steepest)
+        result[is_inside] &= bins.find_facets(beside.take(np.flatnonzero(is_inside))) >= 0
+    return result
+
+
+def _replace_points(paths: Toolpaths, chosen: Int, fine: FinePoints, kept: Bool, z: Float) -> Toolpaths:
     """Give paths their new points, z and flow.
 
     Args:

@@ -13,11 +13,14 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.contouring.tops import Tops
+from printer_slicer.geometry import find_enclosing_rings
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross
+from printer_slicer.model import Sections
+from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
 
-__all__ = ["FacetBins", "LayerPoints"]
+__all__ = ["FacetBins", "LayerPoints", "is_open_above"]
 
 _CELL: Final = 0.5  # mm
 _SMALL_FACET: Final = 9  # cells of its bounding box
@@ -43,6 +46,12 @@ class LayerPoints(Struct, frozen=True, eq=False):
     top: Float
     steepest: Float
 
+    def take(self, some: Int) -> LayerPoints:
+        """Return some of the points."""
+        return LayerPoints(
+            self.xy[some], self.layer[some], self.bottom[some], self.top[some], self.steepest[some]
+        )
+
 
 class FacetBins(Struct, frozen=True, eq=False):
     """The facets in each cell of each layer.
@@ -53,6 +62,7 @@ class FacetBins(Struct, frozen=True, eq=False):
         key: (B,) numbers of the bins that are not empty, ascending.
         start: (B + 1,) bin `i` has the facets `facet[start[i]:start[i + 1]]`.
         facet: (P,) indices of facets.
+        followed: (B,) whether extrusions follow any of the facets.
         tops: the facets.
         plane: (T, 3) z of the plane of each facet at x = y = 0, mm, and its slopes in x and y.
     """
@@ -62,6 +72,7 @@ class FacetBins(Struct, frozen=True, eq=False):
     key: Int
     start: Int
     facet: Int
+    followed: Bool
     tops: Tops
     plane: Float
 
@@ -78,7 +89,9 @@ class FacetBins(Struct, frozen=True, eq=False):
         key = key[order]
         begins = np.flatnonzero(run_starts(key))
         start = np.append(begins, len(key))
-        return cls(origin, (width, depth), key[begins], start, tops.facet[reach[order]], tops, plane)
+        facet, followed = tops.facet[reach[order]], tops.followed[reach[order]]
+        any_followed = np.logical_or.reduceat(followed, begins)
+        return cls(origin, (width, depth), key[begins], start, facet, any_followed, tops, plane)
 
     def find_bins(self, xy: Float, layer: Int) -> Int:
         """Return the index (N,) of the bin of each point (N, 2) of layers (N,); -1 if there are no facets."""
@@ -89,9 +102,14 @@ class FacetBins(Struct, frozen=True, eq=False):
         place = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
         return np.where(inside & (self.key[place] == key), place, -1)
 
-    def find_heights(self, points: LayerPoints) -> Float:
-        """Return the z of the highest surface (N,) within the layer of each point, mm; -inf if there is none."""
-        result = np.full(len(points.xy), -np.inf)
+    def are_near_followed(self, xy: Float, layer: Int) -> Bool:
+        """Return which points (N, 2) of layers (N,) are in a bin with surfaces that extrusions follow."""
+        found = self.find_bins(xy, layer)
+        return (found >= 0) & self.followed[found]
+
+    def find_facets(self, points: LayerPoints) -> Int:
+        """Return the index (N,) of the highest facet within the layer of each point; -1 if there is none."""
+        result = np.full(len(points.xy), -1)
         bins = self.find_bins(points.xy, points.layer)
         some = np.flatnonzero(bins >= 0)
         count = np.diff(self.start)[bins[some]]
@@ -99,23 +117,46 @@ class FacetBins(Struct, frozen=True, eq=False):
             point, size = some[batch], count[batch]
             facet = self.facet[consecutive(self.start[bins[point]], size)]
             z = self._measure_heights(points, np.repeat(point, size), facet)
-            result[point] = np.maximum.reduceat(z, np.cumsum(size) - size)
+            highest = np.maximum.reduceat(z, np.cumsum(size) - size)
+            found = np.flatnonzero((z == np.repeat(highest, size)) & (z > -np.inf))
+            result[np.repeat(point, size)[found]] = facet[found]
         return result
+
+    def measure_heights(self, xy: Float, facet: Int) -> Float:
+        """Return the z (n,) of the planes of facets (n,) over points (n, 2), mm; -inf for facet -1."""
+        z, x_slope, y_slope = (column.take(facet) for column in np.ascontiguousarray(self.plane.T))
+        return np.where(facet >= 0, z + x_slope * xy[:, 0] + y_slope * xy[:, 1], -np.inf)
 
     def _measure_heights(self, points: LayerPoints, point: Int, facet: Int) -> Float:
         """Return the z (n,) of facets (n,) over points (n,), mm; -inf beside facets and for those that do not count."""
-        x, y = (axis.take(point) for axis in np.ascontiguousarray(points.xy.T))
-        z, x_slope, y_slope = (column.take(facet) for column in np.ascontiguousarray(self.plane.T))
-        z += x_slope * x + y_slope * y
+        xy = points.xy.take(point, axis=0)
+        z = self.measure_heights(xy, facet)
         some = np.flatnonzero(
             (z >= points.bottom.take(point) - _ROUNDING) & (z <= points.top.take(point) + _ROUNDING)
         )
         facet, point = facet[some], point[some]
         counts = self.tops.slope[facet] <= points.steepest[point] + _ROUNDING
-        counts &= _contain(self.tops.corners[facet, :, :2], x[some], y[some])
+        counts &= _contain(self.tops.corners[facet, :, :2], *xy[some].T)
         result = np.full(len(z), -np.inf)
         result[some[counts]] = z[some[counts]]
         return result
+
+
+def is_open_above(points: LayerPoints, sections: Sections) -> Bool:
+    """Return at which points (N,) nothing is printed on the layer, so that the surface there is not inside the part."""
+    plan, area = sections.plan, sections.solid.ring_area()
+    result = np.ones(len(points.xy), np.bool_)
+    above = points.layer
+    for _ in range(plan.n_layers):  # layers of several objects overlap; otherwise only the next one counts
+        above = above + 1
+        some = np.flatnonzero(above < plan.n_layers)
+        some = some[plan.bottom[above[some]] < points.top[some] + SAME_TOP]
+        if not len(some):
+            break
+        order = some[np.argsort(above[some], kind="stable")]
+        ring = find_enclosing_rings(sections.solid, points.xy[order], above[order])
+        result[order[(ring >= 0) & (area[ring] > 0)]] = False
+    return result
 
 
 def _find_planes(corners: Float) -> Float:

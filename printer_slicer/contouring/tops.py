@@ -6,26 +6,22 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Areas, normalize
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.facet_topology import expand_counts
-from printer_slicer.geometry.slab_projection import project_pieces
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.model import ContourRule, LayerPlan, Mesh
 from printer_slicer.model.layers import SAME_TOP
-from printer_slicer.profile import Profile
+from printer_slicer.surface.contoured_tops import select_shallow_facets
 from printer_slicer.values import Struct
 
-__all__ = ["Tops", "find_reached_areas", "find_steepest_slopes", "find_tops"]
+__all__ = ["BESIDE_RATIO", "Tops", "find_tops", "list_reached_layers"]
 
-_ERROR_RATIO: Final = 1.2
-"""A contoured surface may rise by this many layer heights over the width of an extrusion."""
-_STEEPEST_DEG: Final = 35.0
-_NO_AREA: Final = 1e-9  # mm²
+BESIDE_RATIO: Final = 1.5
+"""Beside followed surfaces may be surfaces up to this many times as steep."""
 _ROUNDING: Final = 1e-6  # mm
 
 
 class Tops(Struct, frozen=True, eq=False):
-    """The facets that contoured extrusions follow, once for each layer that they reach.
+    """The facets that contoured extrusions follow and those beside them, once for each layer that they reach.
 
     Attributes:
         plan: the layers.
@@ -33,6 +29,7 @@ class Tops(Struct, frozen=True, eq=False):
         slope: (T,) tangent of the angle between each facet and the horizontal.
         facet: (R,) a facet that reaches into a layer.
         layer: (R,) that layer, ascending.
+        followed: (R,) whether extrusions of the layer follow the facet; others are only somewhat steeper than these.
         base: z at which the part begins, mm.
     """
 
@@ -41,80 +38,55 @@ class Tops(Struct, frozen=True, eq=False):
     slope: Float
     facet: Int
     layer: Int
+    followed: Bool
     base: float
 
 
-def find_steepest_slopes(height: Float, profile: Profile) -> Float:
-    """Return the tangent (n,) of the steepest slope that is contoured in layers of these heights (n,), mm."""
-    if profile.quality.contour_max_slope_deg:
-        return np.full(len(height), np.tan(np.deg2rad(profile.quality.contour_max_slope_deg)))
-    return np.minimum(_ERROR_RATIO * height / profile.extrusion_width, np.tan(np.deg2rad(_STEEPEST_DEG)))
-
-
-def find_tops(mesh: Mesh, plan: LayerPlan, profile: Profile, lift: float = 0.0) -> Tops | None:
+def find_tops(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0) -> Tops | None:
     """Find the facets that contoured extrusions follow in the layers of a plan; None if there are none.
 
-    The first layer of the part is never contoured, nor is any if the sections are larger or smaller than the part on
-    purpose (`containment`).
+    The first layer of the part is never contoured.
 
     Args:
         mesh: the placed part, standing on z = 0.
         plan: the layers.
-        profile: rules of contouring; with `quality.z_contouring` off there are no tops.
+        rule: which slopes are followed.
         lift: height by which the layers of the part are raised, mm, as on a raft.
     """
-    if not profile.quality.z_contouring or plan.containment != "mid":
-        return None
-    steepest = float(find_steepest_slopes(plan.height, profile).max())
-    corners, slope = _select_shallow_facets(mesh.triangles, steepest)
-    if lift:
-        corners = corners + np.array([0.0, 0.0, lift])
-    reaching, layer = _list_reached_layers(corners[..., 2], plan)
-    kept = slope[reaching] <= find_steepest_slopes(plan.height, profile)[layer] + _ROUNDING
-    kept &= plan.bottom[layer] > lift + SAME_TOP
-    if not kept.any():
-        return None
-    order = np.argsort(layer[kept], kind="stable")
-    return Tops(plan, corners, slope, reaching[kept][order], layer[kept][order], lift)
+    steepest = rule.find_max_slopes(plan.height)
+    facet, slope, _ = select_shallow_facets(mesh.triangles, BESIDE_RATIO * float(steepest.max()))
+    corners = mesh.triangles[facet] + np.array([0.0, 0.0, lift])
+    reaching, layer = list_reached_layers(corners, slope, plan, rule, 0.0)
+    kept = ((plan.bottom > lift + SAME_TOP) & rule.find_contoured(plan.top - lift))[layer]
+    reaching, layer = reaching[kept], layer[kept]
+    followed = slope[reaching] <= steepest[layer] + _ROUNDING
+    return Tops(plan, corners, slope, reaching, layer, followed, lift) if followed.any() else None
 
 
-def _select_shallow_facets(triangles: Float, steepest: float) -> tuple[Float, Float]:
-    """Return the upward facets (T, 3, 3) up to a slope, and their slopes (T,), as tangents."""
-    upward = triangles[_cross_sides(triangles, 0, 1) > _NO_AREA]
-    normal = [_cross_sides(upward, *axes) for axes in ((1, 2), (2, 0), (0, 1))]
-    slope = np.hypot(normal[0], normal[1]) / normal[2]
-    shallow = slope <= steepest + _ROUNDING
-    return upward[shallow], slope[shallow]
-
-
-def _cross_sides(triangles: Float, x: int, y: int) -> Float:
-    """Return the cross product (n,) of two sides of triangles (n, 3, 3) in the plane of two axes."""
-    (ax, ay), (bx, by), (cx, cy) = ((triangles[:, corner, x], triangles[:, corner, y]) for corner in range(3))
-    return np.asarray((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
-
-
-def _list_reached_layers(z: Float, plan: LayerPlan) -> tuple[Int, Int]:
-    """Return pairs of facets, with corners at `z` (T, 3), and the layers that they reach into from above the bottom."""
-    low, high = z.min(axis=1), z.max(axis=1)
-    first = np.searchsorted(plan.top, low + _ROUNDING, side="right")
-    # Layers of different objects may overlap, so their bottoms need not ascend.
-    last = np.searchsorted(plan.top, high + float(plan.height.max()), side="right")
-    facet, place = expand_counts(np.maximum(last - first, 0))
-    layer = first[facet] + place
-    kept = plan.bottom[layer] < high[facet]
-    return facet[kept], layer[kept]
-
-
-def find_reached_areas(tops: Tops, profile: Profile) -> Areas:
-    """Return the areas of each layer that contoured extrusions fill, but where the surface is below the cut.
-
-    A section at the cut ends where the surface is half a layer high. A contoured extrusion may be as low as
-    `quality.contour_min_height`, so the section takes in everything where the surface is higher than half of that.
+def list_reached_layers(
+    corners: Float, slope: Float, plan: LayerPlan, rule: ContourRule, margin: float
+) -> tuple[Int, Int]:
+    """Return pairs of facets and layers, by layer: facets that are followed, or somewhat steeper, and reach into it.
 
     Args:
-        tops: from `find_tops`.
-        profile: the least height of extrusions.
+        corners: (T, 3, 3) mm, of the facets.
+        slope: (T,) their slopes, as tangents.
+        plan: the layers.
+        rule: which slopes are followed.
+        margin: widths of an extrusion by which facets may be beside the layer.
     """
-    plan = tops.plan
-    low = np.minimum(plan.bottom + profile.quality.contour_min_height / 2, plan.cut)
-    return normalize(project_pieces(tops.corners[tops.facet], tops.layer, low, plan.cut))
+    steepest = rule.find_max_slopes(plan.height)
+    beyond = margin * rule.width * steepest
+    low, high = corners[..., 2].min(axis=1), corners[..., 2].max(axis=1)
+    most = float(beyond.max())
+    first = np.searchsorted(plan.top, low - most + _ROUNDING, side="right")
+    # Layers of different objects may overlap, so their bottoms need not ascend.
+    last = np.searchsorted(plan.top, high + most + float(plan.height.max()), side="right")
+    facet, place = expand_counts(np.maximum(last - first, 0))
+    layer = first[facet] + place
+    reaches = plan.bottom[layer] - beyond[layer] < high[facet]
+    reaches &= plan.top[layer] + beyond[layer] > low[facet] + _ROUNDING
+    reaches &= slope[facet] <= BESIDE_RATIO * steepest[layer] + _ROUNDING
+    facet, layer = facet[reaches], layer[reaches]
+    order = np.argsort(layer, kind="stable")
+    return facet[order], layer[order]

@@ -9,13 +9,22 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int, previous_in_ring, run_starts
 from printer_slicer.values import Struct
 
-__all__ = ["MAX_CHANGE", "Positions", "fill_short_dips", "find_needed_points", "limit_changes", "smooth"]
+__all__ = [
+    "MAX_CHANGE",
+    "Z_TOLERANCE",
+    "Positions",
+    "fill_short_dips",
+    "find_needed_points",
+    "limit_changes",
+    "smooth",
+]
 
 _SMOOTHED_LENGTH: Final = 0.5  # mm of path over which z is averaged
 MAX_CHANGE: Final = float(np.tan(np.deg2rad(20.0)))
 """Maximum change of z, mm per mm of path."""
 _SHORTEST: Final = 1e-6  # mm
-_TOLERANCE: Final = 0.01  # mm by which z may differ from that of points that are left out
+Z_TOLERANCE: Final = 0.01
+"""mm by which z may differ from that of points that are left out."""
 _GAP: Final = 100.0  # mm; apart enough that no path has an influence on the next one
 
 
@@ -168,9 +177,9 @@ def find_needed_points(z: Float, positions: Positions, is_corner: Bool) -> Bool:
         begins = np.flatnonzero(run_starts(left))
         size = np.diff(np.append(begins, len(active)))
         worst = np.repeat(np.maximum.reduceat(error, begins), size)
-        hits = np.flatnonzero((error == worst) & (worst > _TOLERANCE))
+        hits = np.flatnonzero((error == worst) & (worst > Z_TOLERANCE))
         kept[active[hits[run_starts(left[hits])]]] = True
-        active = active[(worst > _TOLERANCE) & ~kept[active]]
+        active = active[(worst > Z_TOLERANCE) & ~kept[active]]
     result = np.zeros(len(z), np.bool_)
     result[point[kept]] = True
     return result

@@ -5,7 +5,16 @@ K moves. Units are mm, s, mm/s and °C.
 """
 
 from printer_slicer.geometry import Areas
-from printer_slicer.model.layers import Contours, Gap, LayerPlan, ObjectStack, Regions, Sections
+from printer_slicer.model.layers import (
+    ContourDeviations,
+    ContourRule,
+    Contours,
+    Gap,
+    LayerPlan,
+    ObjectStack,
+    Regions,
+    Sections,
+)
 from printer_slicer.model.overhangs import Overhangs
 from printer_slicer.model.part import Mesh, MeshFaults, Repair, Repairs
 from printer_slicer.model.paths import (
@@ -29,6 +38,8 @@ from printer_slicer.model.walls import Walls
 __all__ = [
     "Acceleration",
     "Areas",
+    "ContourDeviations",
+    "ContourRule",
     "Contours",
     "Event",
     "Fan",

@@ -15,10 +15,58 @@ from printer_slicer.model.part import Mesh
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.values import Struct, field, force_setattr, replace
 
-__all__ = ["SAME_TOP", "Contours", "Gap", "LayerPlan", "ObjectStack", "Regions", "Sections"]
+__all__ = [
+    "SAME_TOP",
+    "ContourDeviations",
+    "ContourRule",
+    "Contours",
+    "Gap",
+    "LayerPlan",
+    "ObjectStack",
+    "Regions",
+    "Sections",
+]
 
 SAME_TOP: Final = 1e-7
 """Layers of different objects have the same top if their tops differ by less than this, mm."""
+_MOST_RISE: Final = 1.2  # layer heights by which a contoured surface may rise over the width of an extrusion
+_STEEPEST_BY_RULE: Final = float(np.tan(np.deg2rad(35.0)))
+
+
+class ContourRule(Struct, frozen=True):
+    """Where extrusions follow shallow upper surfaces in z within a layer, so that their tops are not level.
+
+    An extrusion is level across its width w, so on a slope it differs from the surface by up to (w / 2) tan(slope),
+    whatever the height of the layer is. So contouring pays only where this is less than the steps of level layers.
+
+    Attributes:
+        min_height: minimum height of an extrusion, mm.
+        width: of extrusions, mm.
+        max_slope: tangent of the steepest slope that is followed; 0: where w tan(slope) is at most 1.2 layer heights,
+            but at most 35 degrees.
+        tolerance: largest difference of the z of the nozzle from the surface at the centre line, mm.
+        nozzle_flat: diameter of the flat underside of the nozzle, mm.
+        level_tops: tops of layers that stay level, mm.
+    """
+
+    min_height: float
+    width: float
+    max_slope: float
+    tolerance: float
+    nozzle_flat: float
+    level_tops: tuple[float, ...] = ()
+
+    def find_contoured(self, top: Float) -> Bool:
+        """Return which layers with tops (n,), mm, may be contoured."""
+        level = np.sort(np.asarray(self.level_tops, np.float64))
+        first, end = (np.searchsorted(level, top + side * SAME_TOP) for side in (-1, 1))
+        return np.asarray(first == end)
+
+    def find_max_slopes(self, height: Float) -> Float:
+        """Return the tangent (n,) of the steepest slope that is followed in layers of heights (n,), mm."""
+        if self.max_slope:
+            return np.full(len(height), self.max_slope)
+        return np.minimum(_MOST_RISE * height / self.width, _STEEPEST_BY_RULE)
 
 
 class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
@@ -33,6 +81,7 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
             top; "negative": their intersection.
         base: (L,) z of the bottom of each layer, mm, if it differs from the top of the layer before. That happens in
             the union of the plans of several objects. Otherwise empty.
+        contour_rule: where extrusions follow shallow upper surfaces; None: all tops are level.
     """
 
     top: Float
@@ -40,6 +89,7 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
     planner: str = ""
     containment: str = "mid"
     base: Float = field(default_factory=lambda: np.zeros(0))
+    contour_rule: ContourRule | None = None
 
     def __post_init__(self) -> None:
         force_setattr(self, "top", frozen_array(self.top, np.float64, (-1,)))
@@ -84,7 +134,8 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         order = np.lexsort((bottom, top))
         begins = np.flatnonzero(np.diff(top[order], prepend=-np.inf) > SAME_TOP)
         chosen = order[begins]
-        return cls(top[chosen], cut[chosen], first.planner, first.containment, bottom[chosen])
+        rest = first.planner, first.containment
+        return cls(top[chosen], cut[chosen], *rest, bottom[chosen], first.contour_rule)
 
     @property
     def n_layers(self) -> int:
@@ -117,7 +168,7 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
     def take(self, layers: Int) -> LayerPlan:
         """Return the layers with these indices (n,), ascending, with their bottoms."""
         base = np.asarray(self.bottom[layers])
-        return LayerPlan(self.top[layers], self.cut[layers], self.planner, self.containment, base)
+        return replace(self, top=self.top[layers], cut=self.cut[layers], base=base)
 
     def find_tops(self, tops: Float) -> Int:
         """Return the indices of the layers with these tops (n,), mm."""
@@ -137,6 +188,38 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         return [(int(n), float(heights[i])) for n, i in zip(counts, starts, strict=True)]
 
 
+class ContourDeviations(Struct, frozen=True, eq=False):
+    """How far the tops of printed extrusions are from the surfaces that contoured extrusions follow.
+
+    Attributes:
+        top: (L,) z of the tops of all printed layers, mm.
+        deviation: (L,) largest deviation in each of them, mm; 0 where nothing is contoured.
+        place: (L, 3) mm, where it is.
+    """
+
+    top: Float
+    deviation: Float
+    place: Float
+
+    def select_layers(self, tops: Float) -> ContourDeviations:
+        """Return those of the layers with these tops (n,), mm."""
+        layers = np.searchsorted(self.top, tops - SAME_TOP)
+        return ContourDeviations(tops, self.deviation[layers], self.place[layers])
+
+    @classmethod
+    def find_worst(cls, made: Sequence[ContourDeviations | None]) -> ContourDeviations | None:
+        """Return the largest deviation of each layer of objects with the same layers; None if nothing is known."""
+        known = [one for one in made if one is not None]
+        if not known:
+            return None
+        worst = np.argmax([one.deviation for one in known], axis=0)
+        layer = np.arange(len(worst))
+        deviation, place = (
+            np.array([getattr(one, name) for one in known]) for name in ("deviation", "place")
+        )
+        return cls(known[0].top, deviation[worst, layer], place[worst, layer])
+
+
 class ObjectStack(Struct, frozen=True, eq=False):
     """The layers of some objects of a plate, or of a feature. There is one stack if all objects have the same layers.
 
@@ -149,6 +232,8 @@ class ObjectStack(Struct, frozen=True, eq=False):
             neighbours of each layer are known; otherwise None.
         outline: an area that contains this feature and no other one, as seen from above, in one layer; None if the
             stack is not that of a feature.
+        contours: how far the printed extrusions are from the surfaces that they follow, with the layers of `plan`; None
+            before they are made, or without contoured tops.
     """
 
     plan: LayerPlan
@@ -156,6 +241,7 @@ class ObjectStack(Struct, frozen=True, eq=False):
     objects: tuple[int, ...]
     whole_plan: LayerPlan | None = None
     outline: Areas | None = None
+    contours: ContourDeviations | None = None
 
 
 def _convert_tops(top: object) -> Float:

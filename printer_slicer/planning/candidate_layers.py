@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from printer_slicer.shortest_path import ArcGraph
 from printer_slicer.surface import Surface, read_surface
 from printer_slicer.surface.vertical_runs import bound_runs_by_length
 from printer_slicer.values import Struct, force_setattr, replace
+
+if TYPE_CHECKING:
+    from printer_slicer.planning.contoured_candidates import ContouredCandidates
 
 __all__ = ["CandidateLayers"]
 
@@ -74,7 +77,11 @@ class CandidateLayers(Struct, frozen=True, eq=False):
         rows = list_candidate_layers(planes, grid, steps, profile, everywhere=everywhere)
         containment = profile.quality.containment
         middles: Float = np.arange(2 * grid.n + 1, dtype=np.float64) * (grid.unit / 2)
-        times, volumes = LayerTimes(surface, profile, middles), _VolumeErrors(surface, grid, containment)
+        contours = _list_contours(surface, grid, profile, rows)
+        times, volumes = (
+            LayerTimes(surface, profile, middles),
+            _VolumeErrors(surface, grid, containment, contours),
+        )
         times.prepare(np.array([row.height * grid.unit for row in rows], np.float64))
         seconds = (times.seconds(2 * row.end - row.height, row.height * grid.unit) for row in rows)
         end = _concatenate((row.end for row in rows), np.int64)
@@ -87,7 +94,7 @@ class CandidateLayers(Struct, frozen=True, eq=False):
             ArcGraph(begin, start.take(order)),
             _concatenate((row.listed for row in rows), np.bool_).take(order),
             _concatenate((row.free for row in rows), np.bool_).take(order),
-            _concatenate(_compute_bounds(surface, grid, containment, rows), np.float64).take(order),
+            _concatenate(_compute_bounds(surface, grid, containment, rows, contours), np.float64).take(order),
             volumes.bound_errors(start, end).take(order),
             _concatenate(seconds, np.float64).take(order),
             times.seconds_per_mm3(profile.quality.layer_height),
@@ -114,8 +121,23 @@ def _concatenate(parts: Iterable[Bool | Float | Int], kind: type) -> NDArray[Any
     return np.concatenate([np.zeros(0, kind), *parts]).astype(kind, copy=False)
 
 
+def _list_contours(
+    surface: Surface, grid: HeightGrid, profile: Profile, rows: list[HeightRow]
+) -> ContouredCandidates | None:
+    """Return what contouring changes in the candidate layers of a profile; None if it changes nothing."""
+    if not profile.quality.z_contouring:
+        return None
+    from printer_slicer.planning.contoured_candidates import list_contoured_candidates  # noqa: PLC0415 - off by default
+
+    return list_contoured_candidates(surface, grid, profile, [row.height for row in rows])
+
+
 def _compute_bounds(
-    surface: Surface, grid: HeightGrid, containment: str, rows: list[HeightRow]
+    surface: Surface,
+    grid: HeightGrid,
+    containment: str,
+    rows: list[HeightRow],
+    contours: ContouredCandidates | None,
 ) -> Iterable[Float]:
     """Yield for each row the upper bounds of the deviation of its layers, mm."""
     n_cells, contained = grid.cells * grid.n, containment != "mid"
@@ -131,14 +153,17 @@ def _compute_bounds(
         first = end - grid.cells * row.height
         # Both runs start at the cut, or at the far end if the layer is contained.
         start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
-        yield np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
+        bound = np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
+        yield np.maximum(bound, contours.bound_deviations(row)) if contours else bound
 
 
 class _VolumeErrors:
     """Upper bounds of the volume error of layers between two nodes."""
 
-    def __init__(self, surface: Surface, grid: HeightGrid, containment: str) -> None:
-        self._grid, self._containment = grid, containment
+    def __init__(
+        self, surface: Surface, grid: HeightGrid, containment: str, contours: ContouredCandidates | None
+    ) -> None:
+        self._grid, self._containment, self._contours = grid, containment, contours
         n_cells = grid.cells * grid.n
         up, down = (
             shadow.area_integral_on_lattice(grid.cell, n_cells) for shadow in (surface.up, surface.down)
@@ -152,6 +177,8 @@ class _VolumeErrors:
         if self._containment == "mid":
             both = self._both
             volume = both.take(start) + both.take(end) - 2 * both.take((start + end) // 2)
+            if self._contours:
+                volume += self._contours.compute_volume_changes(first, last)
         else:
             over, under, cell = self._over, self._under, self._grid.cell
             # Shadows just above and just below each end, from the nearest cell, because flats at the end belong to one

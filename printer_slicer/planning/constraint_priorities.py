@@ -59,7 +59,8 @@ def rank_constraints(
     certain = np.float64(share * steps.allowed[0] * steps.size)
     mm: Float = np.asarray(grid.unit * height, np.float64)
     possible: Float = np.asarray(np.where(tolerance < certain, 2 * certain, tolerance), np.float64)
-    largest_possible: Float = np.asarray(share * mm)
+    # A layer with contoured parts may deviate by more than half its height.
+    largest_possible: Float = np.asarray(mm if profile.quality.z_contouring else share * mm)
     over, beyond = (
         _compute_excess(candidates.bound, tolerance, largest_possible),
         _compute_excess(candidates.bound, possible, largest_possible),

@@ -6,7 +6,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PlanError
-from printer_slicer.model import LayerPlan, Mesh
+from printer_slicer.model import ContourRule, LayerPlan, Mesh
 from printer_slicer.planning.support_tops import find_support_contacts
 from printer_slicer.profile import Profile
 
@@ -53,7 +53,7 @@ class ZSteps:
         self._height = mesh.height
         self.lowest = int(np.ceil(profile.printer.min_layer / self.size - 1e-6))
         self.highest = int(np.floor(profile.printer.max_layer / self.size + 1e-6))
-        self._containment = profile.quality.containment
+        self._containment, self._contour_rule = profile.quality.containment, _make_contour_rule(profile)
         self.part = max(self._round_to_steps(mesh.height), 1)
         self.first = self.to_steps(profile.quality.first_layer_height)
         self.allowed = self._list_allowed_heights(profile)
@@ -121,7 +121,16 @@ class ZSteps:
         # A last layer that extends above the part by steps is cut in the middle of the part's material in it.
         over = float(top[-1]) - self._height > self.size
         cut = (bottom + (np.minimum(top, max(self._height, float(bottom[-1]))) if over else top)) / 2
-        return LayerPlan(top, cut, planner, self._containment)
+        return LayerPlan(top, cut, planner, self._containment, contour_rule=self._contour_rule)
+
+
+def _make_contour_rule(profile: Profile) -> ContourRule | None:
+    """Return where extrusions follow shallow upper surfaces; None if they do not."""
+    if not profile.quality.z_contouring:
+        return None
+    from printer_slicer.contouring import make_contour_rule  # noqa: PLC0415 - off by default
+
+    return make_contour_rule(profile)
 
 
 def fill_with_layers(total: int, step: int, lowest: int, highest: int) -> Int:

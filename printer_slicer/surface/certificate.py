@@ -22,9 +22,15 @@ from printer_slicer.arrays import Float, frozen_array
 from printer_slicer.deprecation import renamed_method
 from printer_slicer.errors import UsageError
 from printer_slicer.geometry.slab_projection import BESIDE
-from printer_slicer.model import LayerPlan, Mesh, ObjectStack
+from printer_slicer.model import ContourDeviations, LayerPlan, Mesh, ObjectStack
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
+from printer_slicer.surface.contoured_tops import (
+    bound_contoured_runs,
+    compute_volume_changes,
+    find_steepest_facet,
+    group_by_slope,
+)
 from printer_slicer.surface.shadow import Shadow, project_surface
 from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
 from printer_slicer.values import Struct, force_setattr, replace
@@ -71,8 +77,9 @@ class WorstLayer(Struct, frozen=True):
     Attributes:
         layer: number of the layer, counted from 1.
         z, x, y: mm, a point on the facet, edge or corner.
-        kind: "facet", "flat", "edge", "corner", or "top" if the last layer ends below or above the top of the part;
-            "none" if no layer can be wrong.
+        kind: "facet", "flat", "edge", "corner", "contoured facet" if extrusions follow it, "contoured top" if
+            printed extrusions do not follow it well, or "top" if the last layer ends below or above the top of the
+            part; "none" if no layer can be wrong.
         bound: mm.
     """
 
@@ -169,7 +176,17 @@ def _analyse_mesh(mesh: Mesh) -> Surface:
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
     """Return the deviation bound (L,) of each layer of a plan, mm, without computing a whole certificate."""
-    return np.maximum(*_bound_runs(surface, plan))
+    return np.maximum(np.maximum(*_bound_runs(surface, plan)), _bound_contours(surface, plan))
+
+
+def _bound_contours(surface: Surface, plan: LayerPlan) -> Float:
+    """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
+    result = np.zeros(plan.n_layers)
+    for layers, facets in group_by_slope(surface.triangles, plan):
+        assert plan.contour_rule is not None
+        bottom, top = plan.bottom[layers], plan.top[layers]
+        result[layers] = bound_contoured_runs(facets, plan.contour_rule, bottom, top)
+    return result
 
 
 def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
@@ -205,7 +222,7 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
             "cannot certify overlapping layers of different objects",
             remedy="Certify each of stages.stacks: ps.certify(ps.read_surface(stack.mesh), stack.plan)",
         )
-    rising, falling = _bound_runs(surface, plan)
+    runs = *_bound_runs(surface, plan), _bound_contours(surface, plan)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
     volume = _bound_volumes(surface, plan)
@@ -213,29 +230,44 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         volume[-1] += _bound_volume_above(surface.up, float(top[-1]), surface.height)
     return Certificate(
         plan,
-        np.maximum(rising, falling),
+        np.maximum.reduce(runs),
         volume,
         missing,
         max(float(top[-1]) - surface.height, 0.0),
         surface.area,
-        _find_worst_layer(surface, plan, rising, falling, missing),
+        _find_worst_layer(surface, plan, runs, missing),
     )
 
 
 def certify_stacks(stacks: Sequence[ObjectStack]) -> Certificate:
     """Certify all stacks of a plate together: largest deviation, and sum of the volume errors of all objects.
 
-    With several stacks, the layers are the union of all layers, and `parts` has the certificate of each stack.
+    For printed extrusions with contoured tops, the measured deviations of these count if they are larger than those
+    that the plan promises. With several stacks, the layers are the union of all layers, and `parts` has the certificate
+    of each stack.
 
     Args:
         stacks: the stacks of a plate, as in `Stages.stacks`.
     """
-    found = [certify(read_surface(one.mesh), one.plan) for one in stacks]
+    found = [_add_measured(certify(read_surface(one.mesh), one.plan), one.contours) for one in stacks]
     if len(found) == 1:
         return found[0]
     return _join_certificates(
         [replace(one, name=stack.mesh.name) for one, stack in zip(found, stacks, strict=True)]
     )
+
+
+def _add_measured(certificate: Certificate, contours: ContourDeviations | None) -> Certificate:
+    """Return a certificate in which measured deviations of contoured tops count."""
+    if contours is None:
+        return certificate
+    bound = np.maximum(certificate.bound, contours.deviation)
+    layer = int(bound.argmax())
+    if contours.deviation[layer] <= certificate.max_error:
+        return replace(certificate, bound=bound)
+    x, y, z = contours.place[layer].tolist()
+    worst = WorstLayer(layer + 1, z, x, y, "contoured top", float(bound[layer]))
+    return replace(certificate, bound=bound, worst=worst)
 
 
 def _join_certificates(parts: Sequence[Certificate]) -> Certificate:
@@ -300,6 +332,10 @@ def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
             total += below[2::2] + below[:-1:2] - 2 * below[1::2]
             if np.abs(aside).max() > _ROUNDING:
                 total += shadow.area_below(cut) * aside
+        for layers, facets in group_by_slope(surface.triangles, plan):
+            assert plan.contour_rule is not None
+            heights = bottom[layers], cut[layers], top[layers]
+            total[layers] += compute_volume_changes(facets, plan.contour_rule, *heights)
         return np.maximum(total, 0)
     height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
     added = (
@@ -319,16 +355,28 @@ def _bound_volume_above(up: Shadow, top: float, height: float) -> float:
 
 
 def _find_worst_layer(
-    surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float
+    surface: Surface, plan: LayerPlan, runs: tuple[Float, Float, Float], missing: float
 ) -> WorstLayer:
-    """Find the layer with the largest bound, and the contact that contributes most to it."""
-    bound = np.maximum(rising, falling)
+    """Find the layer with the largest bound, and the contact that contributes most to it.
+
+    Args:
+        surface: of the part.
+        plan: the layers.
+        runs: bounds (L,) above the sections, below them, and of the contoured parts of layers, mm.
+        missing: mm by which the part extends above the last layer.
+    """
+    rising, falling, contoured = runs
+    bound = np.maximum.reduce(runs)
     layer = int(bound.argmax())
     bottom, top, cut = float(plan.bottom[layer]), float(plan.top[layer]), float(plan.cut[layer])
     if missing > bound[layer] or bound[layer] <= 0:
         x, y, _ = surface.triangles.reshape(-1, 3)[surface.triangles[:, :, 2].argmax()]
         kind = "top" if missing > 0 else "none"
         return WorstLayer(plan.n_layers, surface.height, float(x), float(y), kind, max(missing, 0.0))
+    if contoured[layer] > max(rising[layer], falling[layer]):
+        facet = find_steepest_facet(surface.triangles, plan, layer)
+        x, y, z = surface.triangles[facet].mean(axis=0).tolist()
+        return WorstLayer(layer + 1, min(max(z, bottom), top), x, y, "contoured facet", float(bound[layer]))
     whole = plan.containment != "mid"
     if rising[layer] >= falling[layer]:
         begin, end, contacts, turn = bottom if whole else cut, top, surface.contacts, 1

@@ -1,0 +1,101 @@
+"""What contouring changes in the errors of candidate layers, see `surface.contoured_tops`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int, distinct
+from printer_slicer.contouring import make_contour_rule
+from printer_slicer.model import ContourRule
+from printer_slicer.planning.height_grid import HeightGrid, HeightRow
+from printer_slicer.profile import Profile
+from printer_slicer.surface import Surface
+from printer_slicer.surface.contoured_tops import ShallowFacets
+from printer_slicer.surface.range_maximum import compute_range_maxima
+
+__all__ = ["ContouredCandidates", "list_contoured_candidates"]
+
+_ROUNDING: Final = 1e-6  # mm, and tangents
+_MOST_CLASSES: Final = 8
+
+
+class ContouredCandidates:
+    """Errors of candidate layers whose shallow upper surfaces are contoured.
+
+    Which facets are contoured depends on the height of the layer. So facets are divided into classes by slope, and
+    tables have a row for each number of classes, from the shallowest one. A class counts as contoured for the volume
+    if all of it is, and for the deviation if any of it may be.
+
+    Args:
+        facets: that are contoured in layers of any height.
+        rule: of contouring.
+        grid: the grid of heights.
+        slopes: (K,) steepest slope of each class, as tangents, ascending.
+    """
+
+    def __init__(self, facets: ShallowFacets, rule: ContourRule, grid: HeightGrid, slopes: Float) -> None:
+        self._rule, self._grid, self._slopes = rule, grid, slopes
+        n = grid.cells * grid.n
+        classes = facets.divide(slopes)
+        zero = np.zeros((1, n + 1))
+
+        def tabulate(columns: Sequence[Float]) -> Float:
+            """Return sums (K + 1, n + 1) of the first classes."""
+            return np.concatenate([zero, np.cumsum(columns, axis=0)])
+
+        self._volume = tabulate([one.shadow.area_integral_on_lattice(grid.cell, n) for one in classes])
+        weighted = tabulate([one.weigh_by_slope().area_integral_on_lattice(grid.cell, n) for one in classes])
+        self._sloping = np.gradient(weighted, grid.cell, axis=1)
+        steepest = [self._find_steepest(one.shadow.low, one.shadow.high, one.slope) for one in classes]
+        self._steepest = np.concatenate([np.zeros((1, n)), np.maximum.accumulate(steepest, axis=0)])
+
+    def _find_steepest(self, low: Float, high: Float, slope: Float) -> Float:
+        """Return the steepest slope of facets (m,) between two heights, mm, in each cell; 0 where there is none."""
+        n, cell = self._grid.cells * self._grid.n, self._grid.cell
+        first = np.floor(low / cell + _ROUNDING).astype(np.int64).clip(0, n - 1)
+        last = (np.ceil(high / cell - _ROUNDING).astype(np.int64) - 1).clip(first, n - 1)
+        return compute_range_maxima(first, last, slope + _ROUNDING, n)
+
+    def compute_volume_changes(self, first: Int, last: Int) -> Float:
+        """Return by how much contouring changes the volume errors of layers between nodes (m,), mm³."""
+        grid, rule = self._grid, self._rule
+        slope = rule.find_max_slopes(np.asarray((last - first) * grid.unit, np.float64))
+        row = np.where(first > 0, np.searchsorted(self._slopes, slope + _ROUNDING, side="right"), 0)
+        start, end = grid.cells * first, grid.cells * last
+        least = np.minimum(round(rule.min_height / grid.cell), end - start)
+        half = start + least // 2
+        volume, sloping = self._volume, self._sloping
+        changes = volume[row, start + least] - 2 * volume[row, half] - volume[row, end]
+        changes += 2 * volume[row, (start + end) // 2]
+        return np.asarray(changes + rule.width / 4 * (sloping[row, end] - sloping[row, half]))
+
+    def bound_deviations(self, row: HeightRow) -> Float:
+        """Return the deviation bounds (n,) of the contoured parts of all layers of one height, mm."""
+        size, length = self._grid.cells * row.height, 1
+        (most,) = self._rule.find_max_slopes(np.array([row.height * self._grid.unit]))
+        n_classes = min(int(np.searchsorted(self._slopes, most - _ROUNDING)) + 1, len(self._slopes))
+        steepest = np.minimum(self._steepest[n_classes], most + _ROUNDING)
+        while 2 * length <= size:
+            np.maximum(steepest[:-length], steepest[length:], out=steepest[:-length])
+            length *= 2
+        end = self._grid.cells * row.end
+        slope = np.maximum(steepest[end - size], steepest[end - length])
+        deviation = self._rule.width / 2 * slope / np.sqrt(1 + slope**2) + self._rule.tolerance
+        bound = np.where(slope > 0, np.maximum(deviation, self._rule.min_height), 0.0)
+        return np.where(row.end > row.height, bound, 0.0)
+
+
+def list_contoured_candidates(
+    surface: Surface, grid: HeightGrid, profile: Profile, heights: Sequence[int]
+) -> ContouredCandidates | None:
+    """Return what contouring changes in layers of the given heights, in units; None if it changes nothing."""
+    rule = make_contour_rule(profile)
+    if rule is None or not heights:
+        return None
+    slopes = distinct(rule.find_max_slopes(np.array(heights) * grid.unit))
+    slopes = slopes[distinct(np.linspace(0, len(slopes) - 1, _MOST_CLASSES).astype(np.int64))]
+    facets = ShallowFacets.of_triangles(surface.triangles, float(slopes[-1]))
+    return ContouredCandidates(facets, rule, grid, slopes) if len(facets.slope) else None

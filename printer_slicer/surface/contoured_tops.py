@@ -1,0 +1,172 @@
+"""What contouring changes in the errors of layers: extrusions follow shallow upper surfaces (`ContourRule`).
+
+Let a shallow facet be at height s over a place in a layer from z0 to z1, a be the minimum height of an extrusion, and w
+its width. A level layer cut in the middle is wrong there from s to the nearer face. A contoured one has its top at the
+surface under its centre line, but not below z0 + a, and it is level across its width:
+
+- Volume. Across the slope, the distance from the centre line is w / 4 on average, so the error is (w / 4) tan(slope)
+  times the area. Where the surface is lower than a above z0, the layer is empty if it is lower than a / 2, and a high
+  otherwise. So the error at the height u = s - z0 is min(u, a - u). Its sum over the area is
+  V(z0 + a) + V(z0) - 2 V(z0 + a / 2), with V as in `shadow`.
+- Deviation. Let p be a wrong point between the surface and the top of an extrusion, and B the point of the surface on
+  the centre line level with p, at most w / 2 away. Between B and the place of p, the surface is no steeper than the
+  slope, so it stays on one side of the line from B with this slope. That line touches the ball of radius
+  (w / 2) sin(slope) around p, and the surface passes from B to the other side of p. So it reaches the ball: the
+  deviation is at most (w / 2) sin(slope), plus the tolerance of the nozzle's z. Below z0 + a it is at most a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int, distinct, frozen_array
+from printer_slicer.model import ContourRule, LayerPlan
+from printer_slicer.surface.range_maximum import compute_range_maxima
+from printer_slicer.surface.shadow import Shadow
+from printer_slicer.values import Struct, force_setattr
+
+__all__ = [
+    "ShallowFacets",
+    "bound_contoured_runs",
+    "compute_volume_changes",
+    "find_steepest_facet",
+    "group_by_slope",
+    "select_shallow_facets",
+]
+
+_NO_AREA = 1e-9  # mm²
+_ROUNDING = 1e-6  # mm, and tangents
+
+
+class ShallowFacets(Struct, frozen=True, eq=False):
+    """The facets of a part that may be contoured, the shallowest first.
+
+    Attributes:
+        shadow: their projection.
+        slope: (n,) tangent of the angle to the horizontal, ascending.
+        facet: (n,) their indices.
+    """
+
+    shadow: Shadow
+    slope: Float
+    facet: Int
+
+    def __post_init__(self) -> None:
+        for name, kind in (("slope", np.float64), ("facet", np.int64)):
+            force_setattr(self, name, frozen_array(getattr(self, name), kind, (len(self.shadow.area),)))
+
+    @classmethod
+    def of_triangles(cls, triangles: Float, steepest: float) -> ShallowFacets:
+        """Find the facets of triangles (F, 3, 3) that face up and are at most as steep as a tangent."""
+        facet, slope, area = select_shallow_facets(triangles, steepest)
+        order = np.argsort(slope, kind="stable")
+        z = np.sort(triangles[facet[order], :, 2], axis=1)
+        return cls(Shadow(z[:, 0], z[:, 1], z[:, 2], area[order]), slope[order], facet[order])
+
+    def take_up_to(self, slope: float) -> ShallowFacets:
+        """Return the facets with at most this slope."""
+        return self.divide(np.array([slope]))[0]
+
+    def divide(self, slopes: Float) -> list[ShallowFacets]:
+        """Return the facets with slopes up to the first one of `slopes` (K,), ascending, then up to each next one."""
+        ends = np.searchsorted(self.slope, slopes + _ROUNDING, side="right").tolist()
+        return [self._take(slice(first, end)) for first, end in pairwise([0, *ends])]
+
+    def _take(self, some: slice) -> ShallowFacets:
+        """Return some of the facets."""
+        one = self.shadow
+        shadow = Shadow(one.low[some], one.middle[some], one.high[some], one.area[some])
+        return ShallowFacets(shadow, self.slope[some], self.facet[some])
+
+    def weigh_by_slope(self) -> Shadow:
+        """Return the projection with the areas times the tangents of the slopes."""
+        one = self.shadow
+        return Shadow(one.low, one.middle, one.high, one.area * self.slope)
+
+
+def select_shallow_facets(triangles: Float, steepest: float) -> tuple[Int, Float, Float]:
+    """Return the indices (n,) of the facets (F, 3, 3) that face up and are at most as steep as a tangent.
+
+    Their slopes (n,) as tangents and their areas (n,) seen from above, mm², follow.
+    """
+    twice = _cross_sides(triangles, 0, 1)
+    some = np.flatnonzero(twice > _NO_AREA)
+    upward, twice = triangles[some], twice[some]
+    slope = np.hypot(_cross_sides(upward, 1, 2), _cross_sides(upward, 2, 0)) / twice
+    shallow = slope <= steepest + _ROUNDING
+    return some[shallow], slope[shallow], twice[shallow] / 2
+
+
+def _cross_sides(triangles: Float, x: int, y: int) -> Float:
+    """Return the cross product (n,) of two sides of triangles (n, 3, 3) in the plane of two axes."""
+    (ax, ay), (bx, by), (cx, cy) = ((triangles[:, corner, x], triangles[:, corner, y]) for corner in range(3))
+    return np.asarray((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+
+
+def group_by_slope(triangles: Float, plan: LayerPlan) -> Iterator[tuple[Int, ShallowFacets]]:
+    """Yield groups of contoured layers (n,) of a plan, each with the facets (F, 3, 3) that are contoured there.
+
+    The first layer is never contoured.
+    """
+    rule = plan.contour_rule
+    if rule is None or plan.containment != "mid":
+        return
+    slope = rule.find_max_slopes(plan.height)
+    facets = ShallowFacets.of_triangles(triangles, float(slope.max()))
+    if not len(facets.slope):
+        return
+    above = (plan.bottom > _ROUNDING) & rule.find_contoured(plan.top)
+    for one in distinct(slope[above]).tolist():
+        yield np.flatnonzero(above & (slope == one)), facets.take_up_to(one)
+
+
+def bound_contoured_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float, top: Float) -> Float:
+    """Return the deviation bounds (n,) of layers for their contoured parts only, mm; 0 where nothing is contoured.
+
+    Args:
+        facets: those that are contoured in layers of this height.
+        rule: of contouring.
+        bottom: (n,) of the layers, mm, ascending.
+        top: (n,) mm, ascending.
+    """
+    shadow = facets.shadow
+    first = np.searchsorted(top, shadow.low + _ROUNDING, side="right")
+    last = np.searchsorted(bottom, shadow.high - _ROUNDING, side="left") - 1
+    some = first <= last
+    sine = facets.slope / np.sqrt(1 + facets.slope**2)
+    deviation = np.maximum(rule.width / 2 * sine + rule.tolerance, rule.min_height)
+    return compute_range_maxima(first[some], last[some], deviation[some], len(top))
+
+
+def compute_volume_changes(
+    facets: ShallowFacets, rule: ContourRule, bottom: Float, cut: Float, top: Float
+) -> Float:
+    """Return by how much contouring changes the volume errors (n,) of layers of equal height, mm³.
+
+    Args:
+        facets: those that are contoured in layers of this height.
+        rule: of contouring.
+        bottom: (n,) of the layers, mm, ascending.
+        cut: (n,) heights of their sections, mm.
+        top: (n,) mm.
+    """
+    least = np.minimum(rule.min_height, top - bottom)
+    planes = np.stack([bottom, bottom + least / 2, bottom + least, cut, top])
+    order = np.argsort(planes, axis=None, kind="stable")
+    volume, sloping = np.zeros(planes.shape), np.zeros(planes.shape)
+    volume.flat[order] = facets.shadow.area_integral(planes.flat[order])
+    sloping.flat[order] = facets.weigh_by_slope().area_below(planes.flat[order])
+    _, half, whole, middle, end = volume
+    stairs = rule.width / 4 * (sloping[4] - sloping[1])
+    return np.asarray(whole - 2 * half - end + 2 * middle + stairs)
+
+
+def find_steepest_facet(triangles: Float, plan: LayerPlan, layer: int) -> int:
+    """Return the index of the steepest of the facets (F, 3, 3) that are contoured in a layer of a plan."""
+    ((_, facets),) = group_by_slope(triangles, plan.take(np.array([layer])))
+    reaches = facets.shadow.high > plan.bottom[layer] + _ROUNDING
+    reaches &= facets.shadow.low < plan.top[layer] - _ROUNDING
+    return int(facets.facet[reaches][-1])
