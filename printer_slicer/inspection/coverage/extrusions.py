@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 _NEGLIGIBLE: Final = 1e-9  # mm³ or mm; smaller values are rounding errors
+_NO_CONTOURS: Final = frozen_array([], np.float64, (0,))  # in a layer with level tops
 
 
 class Extrusions(Struct, frozen=True, eq=False):
@@ -40,6 +41,8 @@ class Extrusions(Struct, frozen=True, eq=False):
         area: (B,) mm² of cross-section, from the filament that is fed.
         purpose: (B,) `Purpose` of each.
         line: (B,) line of the text, counted from 1; 0 if there is none.
+        layer_top: (B,) mm, top of the layer of each contoured extrusion, which follows the surface of the part in z
+            inside its layer; nan for all others. Nothing given means that no extrusion is contoured.
     """
 
     begin: Float
@@ -50,9 +53,12 @@ class Extrusions(Struct, frozen=True, eq=False):
     area: Float
     purpose: Int
     line: Int
+    layer_top: Float = _NO_CONTOURS
 
     def __post_init__(self) -> None:
         n_beads = len(self.begin)
+        if len(self.layer_top) != n_beads:
+            force_setattr(self, "layer_top", np.full(n_beads, np.nan))
         for name, dtype, shape in (
             ("begin", np.float64, (-1, 2)),
             ("end", np.float64, (n_beads, 2)),
@@ -62,6 +68,7 @@ class Extrusions(Struct, frozen=True, eq=False):
             ("area", np.float64, (n_beads,)),
             ("purpose", np.int64, (n_beads,)),
             ("line", np.int64, (n_beads,)),
+            ("layer_top", np.float64, (n_beads,)),
         ):
             force_setattr(self, name, frozen_array(getattr(self, name), dtype, shape))
 
@@ -69,6 +76,21 @@ class Extrusions(Struct, frozen=True, eq=False):
     def n_beads(self) -> int:
         """Number of extrusions."""
         return len(self.begin)
+
+    @property
+    def is_contoured(self) -> Bool:
+        """Mask (B,) of contoured extrusions."""
+        return ~np.isnan(self.layer_top)
+
+    @property
+    def level(self) -> Float:
+        """Height (B,) of the layer of each extrusion, mm: `layer_top` of contoured extrusions, `z_top` of others."""
+        return np.where(self.is_contoured, self.layer_top, self.z_top)
+
+    @property
+    def middle_z(self) -> Float:
+        """Height (B,) of the top of each extrusion in its middle, mm."""
+        return self.z_top - self.rise / 2
 
     @property
     def length(self) -> Float:
@@ -101,6 +123,7 @@ class Extrusions(Struct, frozen=True, eq=False):
             self.area[chosen],
             self.purpose[chosen],
             self.line[chosen],
+            self.layer_top[chosen],
         )
 
 

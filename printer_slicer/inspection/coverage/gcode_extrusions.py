@@ -11,6 +11,7 @@ import numpy as np
 from printer_slicer.arrays import Float, Int, frozen_array
 from printer_slicer.gcode import Moves, read_moves
 from printer_slicer.gcode.lexer import parse, strip
+from printer_slicer.inspection.coverage.contours import mark_contoured
 from printer_slicer.inspection.coverage.extrusions import Extrusions, extrusions_of_moves
 from printer_slicer.inspection.deposition.marks import Purpose, purpose_of
 from printer_slicer.values import Struct, field, force_setattr, replace
@@ -20,7 +21,7 @@ __all__ = ["GcodeExtrusions", "extrusions_and_moves_of_gcode", "extrusions_of_gc
 USUAL_DIAMETER: Final = 1.75
 _BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 _COMMENT: Final = re.compile(
-    rb"^[ \t]*;[ \t]*(TYPE|FEATURE|HEIGHT|LAYER_HEIGHT|LAYER_CHANGE|CHANGE_LAYER|LAYER)\b[: \t]*([^\r\n]*)",
+    rb"^[ \t]*;[ \t]*(TYPE|FEATURE|HEIGHT|LAYER_HEIGHT|LAYER_CHANGE|CHANGE_LAYER|LAYER|Z|Z_HEIGHT)\b[: \t]*([^\r\n]*)",
     re.MULTILINE,
 )
 _SETTING: Final = re.compile(rb"^;[ \t]*([A-Za-z][\w.]*)[ \t]*=[ \t]*([^\r\n]*)", re.MULTILINE)
@@ -29,6 +30,7 @@ _NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _LAYER_KEYS: Final = (b"LAYER_CHANGE", b"CHANGE_LAYER", b"LAYER")
 _TYPE_KEYS: Final = (b"TYPE", b"FEATURE")
 _HEIGHT_KEYS: Final = (b"HEIGHT", b"LAYER_HEIGHT")
+_Z_KEYS: Final = (b"Z", b"Z_HEIGHT")
 
 
 class GcodeExtrusions(Struct, frozen=True, eq=False):
@@ -106,8 +108,9 @@ def extrusions_and_moves_of_gcode(
     line = np.array(numbers, np.int64)[beads.line]
     comments = _read_comments(text, line)
     travel, before = _find_travels(moves, kept)
+    beads = replace(beads, line=line, purpose=comments.purpose, height=comments.height)
     extrusions = GcodeExtrusions(
-        beads=replace(beads, line=line, purpose=comments.purpose, height=comments.height),
+        beads=mark_contoured(beads, comments.layer_comments, comments.z),
         layer_comments=comments.layer_comments,
         name=comments.name,
         names=comments.names,
@@ -142,9 +145,9 @@ def _filament_diameters(settings: Mapping[str, str], given: float | None) -> tup
 
 
 class _Comments(Struct, frozen=True):
-    """What comments say about each extrusion: purpose, role name, height and number of layer comments.
+    """What comments say about each extrusion: purpose, role name, height, number of layer comments, and z of its layer.
 
-    The height is nan if no comment gives one.
+    The heights are nan if no comment gives one.
     """
 
     purpose: Int
@@ -152,6 +155,7 @@ class _Comments(Struct, frozen=True):
     names: tuple[str, ...]
     height: Float
     layer_comments: Int
+    z: Float
 
 
 def _read_comments(text: bytes, line: Int) -> _Comments:
@@ -175,10 +179,12 @@ def _read_comments(text: bytes, line: Int) -> _Comments:
     which, texts = find_latest(_HEIGHT_KEYS)
     height = np.array([np.nan, *map(_parse_height, texts)])[which]
     layer_comments = find_latest(_LAYER_KEYS)[0]
+    which, texts = find_latest(_Z_KEYS)
+    z = np.array([np.nan, *map(_parse_height, texts)])[which]
     # Extrusion before the first layer primes the nozzle.
     if layer_comments.max(initial=0):
         purpose[layer_comments == 0] = Purpose.CUSTOM
-    return _Comments(purpose, name, names, height, layer_comments)
+    return _Comments(purpose, name, names, height, layer_comments, z)
 
 
 def _parse_height(text: str) -> float:

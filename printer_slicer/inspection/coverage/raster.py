@@ -87,7 +87,8 @@ def choose_cell_width(low: Float, high: Float) -> float:
 def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = np.inf) -> Float:
     """Return how many times material fills each cell (deep, wide); 1 means exactly full.
 
-    Sloped extrusions count by the share of the layer height that they fill.
+    Sloped extrusions count by the share of the layer height that they fill. Contoured extrusions fill their cells up to
+    the surface, which lies inside the layer.
 
     Args:
         beads: extrusions of one layer, all within the window.
@@ -102,7 +103,8 @@ def rasterize_fill(beads: Extrusions, window: CellWindow, layer_height: float = 
     spread_width = np.minimum(width_filled, 2 * window.edge_distance(beads))
     # Sloped extrusions are lower than their layer; the extrusions above them fill the rest.
     share = np.minimum(beads.height / layer_height, 1) if np.isfinite(layer_height) else 1.0
-    material_width = np.where(beads.rise != 0, width_filled * share, width_filled)
+    is_covered = (beads.rise != 0) & ~beads.is_contoured
+    material_width = np.where(is_covered, width_filled * share, width_filled)
     along = np.maximum(np.ceil(beads.length / window.cell), 1).astype(np.int64)
     across = np.maximum(np.ceil(spread_width / window.cell), 1).astype(np.int64)
     block = np.cumsum(along * across) // _BLOCK_SIZE

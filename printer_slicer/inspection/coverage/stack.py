@@ -117,7 +117,8 @@ class Stack(Struct, frozen=True, eq=False):
     def has_rising_z(self) -> Bool:
         """Mask (L,) of layers printed mostly while z rises, and in a spiral vase of all layers above."""
         own = self.layer >= 0
-        length = self.beads.length * np.where(np.abs(self.beads.rise) >= _MAX_FLAT_RISE, 1.0, -0.9)
+        rises = (np.abs(self.beads.rise) >= _MAX_FLAT_RISE) & ~self.beads.is_contoured
+        length = self.beads.length * np.where(rises, 1.0, -0.9)
         found = np.bincount(self.layer[own], length[own], self.n_layers) > 0
         if 2 * int(found.sum()) > self.n_layers:
             found[int(found.argmax()) :] = True
@@ -146,6 +147,7 @@ def split_thick_extrusions(stack: Stack) -> tuple[Stack, Int]:
     beads, own = stack.beads, np.maximum(stack.layer, 0)
     deep = stack.layer > 0
     deep &= beads.height > stack.height[own] + _HEIGHT_TOLERANCE if stack.n_layers else False
+    deep &= ~beads.is_contoured
     outermost = deep & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
     is_separate = np.isin(stack.layer, stack.layer[outermost]) & (beads.purpose != Purpose.BRIDGE)
     deep &= np.isin(beads.purpose, _FILL_SEVERAL_LAYERS) | is_separate
@@ -194,8 +196,9 @@ def stack_of_program(program: Program, filament_diameter: float) -> Stack:
 def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float | None = None) -> Stack:
     """Assign extrusions to layers.
 
-    A layer is a z with flat extrusions. Where z rises during extrusion, each turn of the spiral is a layer. The height
-    of a layer is its distance from the material below, regardless of comments.
+    A layer is a z with flat extrusions. Where z rises during extrusion, each turn of the spiral is a layer. Contoured
+    extrusions belong to the layer of their `layer_top`. The height of a layer is its distance from the material below,
+    regardless of comments.
 
     Args:
         beads: the extrusions, in printing order.
@@ -203,12 +206,13 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float 
         lowest: bottom of the first layer, mm; None: the bed, or the top of a raft and perhaps a gap above it.
     """
     of_part = ~np.isin(beads.purpose, NOT_PART) if part is None else part
-    of_part = of_part & (beads.z_top > _SAME_HEIGHT)  # extrusions at or below z = 0 have no height
+    level = beads.level
+    of_part = of_part & (level > _SAME_HEIGHT)  # extrusions at or below z = 0 have no height
     flat = _find_flat_extrusions(beads, of_part)
-    levels = _distinct_heights(beads.z_top[of_part & flat])
+    levels = _distinct_heights(level[of_part & flat])
     has_rim = _ends_with_flat_turn(levels, beads, of_part & ~flat)
     levels = levels[:-1] if has_rim else levels
-    above = beads.z_top > levels.max(initial=0.0) + _SAME_HEIGHT
+    above = level > levels.max(initial=0.0) + _SAME_HEIGHT
     edges = _turn_heights(beads.take(np.flatnonzero(of_part & ~flat & above)), levels)
     free = np.flatnonzero(of_part & (~flat | has_rim) & above)
     turns = (edges[1:] + edges[:-1]) / 2
@@ -221,7 +225,7 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float 
         # On a raft, the raft or a small gap above it is below the first layer of the part.
         raft = (beads.purpose == Purpose.SUPPORT_MATERIAL) & (beads.z_top < top[0] - _MIN_RAFT_STEP)
         below = float(beads.z_top[raft].max(initial=0.0))
-        comment_height = beads.height[of_part & (np.abs(beads.z_top - top[0]) < _SAME_HEIGHT)]
+        comment_height = beads.height[of_part & (np.abs(level - top[0]) < _SAME_HEIGHT)]
         comment_height = comment_height[~np.isnan(comment_height)]
         usual = top[0] - (
             float(np.median(comment_height))
@@ -229,10 +233,10 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float 
             else float(np.diff(top[:2]).sum() or np.inf)
         )
         bottom[0] = np.clip(usual, below, below + _MAX_RAFT_GAP) if raft.any() else 0.0
-    layer = np.searchsorted(levels, beads.z_top - _SAME_HEIGHT)
-    middle = beads.z_top[free] - beads.rise[free] / 2
+    layer = np.searchsorted(levels, level - _SAME_HEIGHT)
+    middle = beads.middle_z[free]
     layer[free] = len(levels) + np.searchsorted(edges[1:-1], middle, side="right")
-    is_away = np.abs(np.append(top, np.inf)[np.minimum(layer, len(top))] - beads.z_top) > 2 * _SAME_HEIGHT
+    is_away = np.abs(np.append(top, np.inf)[np.minimum(layer, len(top))] - level) > 2 * _SAME_HEIGHT
     layer = np.where((is_away & ~of_part) | (layer >= len(top)), -1, layer)
     return Stack(
         replace(beads, height=_extrusion_heights(beads, layer, top, bottom, len(levels))), layer, top, bottom
@@ -240,11 +244,11 @@ def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float 
 
 
 def _find_flat_extrusions(beads: Extrusions, of_part: Bool) -> Bool:
-    """Return a mask (B,) of extrusions at constant z.
+    """Return a mask (B,) of extrusions at constant z, and of contoured ones.
 
     In spirals z is rounded, so short extrusions between rising ones seem flat. Such short flat runs are no layers.
     """
-    flat = np.abs(beads.rise) < _MAX_FLAT_RISE
+    flat = (np.abs(beads.rise) < _MAX_FLAT_RISE) | beads.is_contoured
     index = np.flatnonzero(of_part)
     if flat[index].all() or not len(index):
         return flat
@@ -310,11 +314,12 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
     if not len(top):
         return np.maximum(np.where(np.isnan(comment_height), _DEFAULT_HEIGHT, comment_height), _MIN_HEIGHT)
     layer_height = (top - bottom)[layer]
-    sloped = (np.abs(beads.rise) >= _MAX_FLAT_RISE) & (layer < n_flat) & (layer >= 0)
+    sloped = ((np.abs(beads.rise) >= _MAX_FLAT_RISE) | beads.is_contoured) & (layer < n_flat) & (layer >= 0)
+    most = np.where(
+        beads.is_contoured, np.inf, layer_height
+    )  # a contoured extrusion may be higher than its layer
     layer_height = np.where(
-        sloped,
-        np.clip(beads.z_top - beads.rise / 2 - bottom[layer], layer_height / 10, layer_height),
-        layer_height,
+        sloped, np.clip(beads.middle_z - bottom[layer], layer_height / 10, most), layer_height
     )
     width = bead.width_for_section(beads.area, layer_height)
     walls = np.isin(beads.purpose, _WALLS)
@@ -322,9 +327,11 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
     usual = weighted_median(
         width, beads.length * (thin if thin.any() else walls if walls.any() else layer >= 0)
     )
-    height, may_be_thick = layer_height.copy(), np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0)
+    may_be_thick = np.isin(beads.purpose, _MAY_BE_THICK) & (layer >= 0) & ~beads.is_contoured
+    height = layer_height.copy()
     wide = may_be_thick & (width > _WIDE_RATIO * usual)
-    may_be_thick |= (beads.purpose == Purpose.PERIMETER) & (layer >= 0)  # only if a comment says so
+    # Perimeters are only thick if a comment says so.
+    may_be_thick |= (beads.purpose == Purpose.PERIMETER) & (layer >= 0) & ~beads.is_contoured
     for deep in range(1, _MAX_DEPTH):
         reach = top[layer] - bottom[np.maximum(layer - deep, 0)]
         width = bead.width_for_section(beads.area, reach)
@@ -332,6 +339,7 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
         matching = (layer >= deep) & (np.abs(reach - comment_height) < _HEIGHT_TOLERANCE)
         agrees = may_be_thick & matching & (width * _WIDE_RATIO > usual)
         by_comment = matching & (np.abs(comment_height - layer_height) > _HEIGHT_TOLERANCE)
+        by_comment &= ~beads.is_contoured
         external = by_comment & (beads.purpose == Purpose.EXTERNAL_PERIMETER)
         agrees |= by_comment & np.isin(layer, layer[external])
         height[wide | agrees] = reach[wide | agrees]
@@ -339,6 +347,7 @@ def _extrusion_heights(beads: Extrusions, layer: Int, top: Float, bottom: Float,
     height = _fill_many_layers(beads, layer, (top, bottom), height, usual)
     # Extrusions across a gap are as thick as the strand that leaves the nozzle.
     thread = (beads.purpose == Purpose.BRIDGE) & (comment_height > layer_height + _HEIGHT_TOLERANCE)
+    thread &= ~beads.is_contoured
     height = np.where(
         thread, np.maximum(np.minimum(comment_height, np.sqrt(4 * beads.area / pi)), layer_height), height
     )
