@@ -71,6 +71,9 @@ def guess_shift(stack: Stack, sections: Areas) -> tuple[float, float]:
     both = np.isfinite(low[:, 0]) & np.isfinite(floor[:, 0])
     if not both.any():
         return 0.0, 0.0
+    # Contoured layers may extend beyond their sections on some sides.
+    level = both & ~np.isin(np.arange(stack.n_layers), layer[beads.is_contoured])
+    both = level if level.any() else both
     low, high, floor, ceiling = (corner[both] for corner in (low, high, floor, ceiling))
     step = ((low + high) - (floor + ceiling)) / 2
     differs = np.abs((high - low) - (ceiling - floor)).max(axis=1)
@@ -137,9 +140,14 @@ def find_detached_extrusions(stack: Stack, sections: Areas) -> Bool:
 
 
 def find_external_perimeters(beads: Extrusions) -> Bool:
-    """Return a mask (B,) of external perimeters; of all extrusions of the part if roles are unknown."""
+    """Return a mask (B,) of external perimeters; of all extrusions of the part if roles are unknown.
+
+    Contoured perimeters, which may lie outside of the sections, are left out if others are there.
+    """
     outer = beads.purpose == Purpose.EXTERNAL_PERIMETER
-    return outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
+    found = outer if outer.any() else ~np.isin(beads.purpose, NOT_PART)
+    upright = found & ~beads.is_contoured
+    return upright if beads.length[upright].sum() > _MIN_SHARE * beads.length[found].sum() else found
 
 
 def _depths_below_outline(

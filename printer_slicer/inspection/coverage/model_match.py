@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.geometry import Areas, difference
+from printer_slicer.inspection.coverage.contoured_sections import add_contoured_slopes
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.coverage.matching import (
     Match,
@@ -110,7 +111,8 @@ def _match_common_layers(part: Mesh, beads: Extrusions, stack: Stack, is_searche
         stack, pair = new_stack, _cut_below_and_above_middle([part], new_stack)
     else:
         pair = (shift_areas(pair[0], match.shift), shift_areas(pair[1], match.shift))
-    return MatchedPart((part,), stack, _choose_sections(stack, *pair), match)
+    sections = add_contoured_slopes([part], stack, _choose_sections(stack, *pair))
+    return MatchedPart((part,), stack, sections, match)
 
 
 def _match_own_layers(
@@ -135,7 +137,8 @@ def _match_own_layers(
     pair = _cut_below_and_above_middle(meshes, stack)
     match = _fit_position(stack, pair[0], is_searched=is_searched)
     sections = _choose_sections(stack, *(shift_areas(one, match.shift) for one in pair))
-    return MatchedPart(tuple(part.moved(match.shift).mesh for part in parts), stack, sections, match)
+    meshes = [part.moved(match.shift).mesh for part in parts]
+    return MatchedPart(tuple(meshes), stack, add_contoured_slopes(meshes, stack, sections), match)
 
 
 def _guess_shift_of_box(parts: Sequence[Mesh], beads: Extrusions) -> tuple[float, float]:

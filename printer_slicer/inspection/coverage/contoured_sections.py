@@ -1,0 +1,106 @@
+"""Extend the sections of a part to what contoured extrusions fill: the surface below the middle of a layer.
+
+A slicer that plans for contoured tops extends its layers on slopes up to an angle. So slopes are divided into classes,
+and a class counts if contoured extrusions cover most of its surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from printer_slicer.arrays import Float, Int
+from printer_slicer.geometry import Areas, close_gaps, difference, intersection, normalize, union
+from printer_slicer.geometry.slab_projection import project_slabs
+from printer_slicer.inspection.coverage.extrusions import weighted_median
+from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.inspection.coverage.zones import footprint
+from printer_slicer.model import Mesh
+
+__all__ = ["add_contoured_slopes", "find_least_height"]
+
+_CLASS: Final = 0.1  # layer heights per extrusion width, the step between classes of slopes
+_N_CLASSES: Final = 14
+_MAX_GRADIENT: Final = 0.75  # mm per mm; steeper slopes are not extended
+_MIN_COVERED: Final = 0.5  # share of the surface of a class
+_LEAST_QUANTILE: Final = 0.02  # of the length of contoured extrusions
+_LEAST_HEIGHTS: Final = 0.02, 0.2  # mm, smallest and largest least height of an extrusion
+_MAX_GAP: Final = 0.02  # mm between a section and its extension, from rounding
+_SAME_HEIGHT: Final = 1e-3  # mm
+
+
+def find_least_height(stack: Stack) -> float:
+    """Return the height, mm, of the lowest contoured extrusions, without single even lower ones."""
+    some = stack.beads.take(stack.beads.is_contoured)
+    if not some.n_beads:
+        return _LEAST_HEIGHTS[0]
+    order = np.argsort(some.height)
+    reached = np.cumsum(some.length[order])
+    found = some.height[order][np.searchsorted(reached, _LEAST_QUANTILE * reached[-1])]
+    return float(np.clip(found, *_LEAST_HEIGHTS))
+
+
+def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -> Areas:
+    """Add to each section the surface below its middle, if the file covers it with contoured extrusions.
+
+    Args:
+        parts: at their position; those of the groups of the stack.
+        stack: layers of the file.
+        sections: sections in the middle of these layers.
+    """
+    contoured = stack.beads.is_contoured & (stack.layer >= 0)
+    if not contoured.any():
+        return sections
+    printed = footprint(stack, contoured)
+    beads = stack.beads.take(contoured)
+    width, least = weighted_median(beads.width, beads.length), find_least_height(stack)
+    for one in range(_N_CLASSES):
+        slope = difference(_project_class(parts, stack, one, (width, least)), sections)
+        area = float(slope.area().sum())
+        if area > 0 and intersection(slope, printed).area().sum() > _MIN_COVERED * area:
+            sections = close_gaps(union(sections, slope), _MAX_GAP / 2)
+    return sections
+
+
+def _project_class(parts: Sequence[Mesh], stack: Stack, number: int, size: tuple[float, float]) -> Areas:
+    """Return the surface of a class of slopes in the lower half of each layer.
+
+    Args:
+        parts: see `add_contoured_slopes`.
+        stack: layers of the file.
+        number: of the class, from 0.
+        size: width and least height of contoured extrusions, mm.
+    """
+    width, least = size
+    found = [Areas.empty(stack.n_layers)]
+    for own in stack.layers_of_groups():
+        part = parts[int(stack.group[own[0]])]
+        gradient = _measure_gradients(part)
+        for layers in _layers_by_height(stack, own):
+            height = float(stack.height[layers[0]])
+            steepness = gradient * width / height / _CLASS
+            chosen = (steepness >= number) & (steepness < number + 1) & (gradient < _MAX_GRADIENT)
+            if not chosen.any():
+                continue
+            low = stack.bottom[layers] + least / 2
+            high = np.maximum(stack.bottom[layers] + height / 2, low)
+            slabs = normalize(project_slabs(part.triangles[chosen], low, high))
+            found.append(slabs.on_layers(layers, stack.n_layers))
+    return Areas.merged(found)
+
+
+def _layers_by_height(stack: Stack, own: Int) -> list[Int]:
+    """Return the layers of a group that have the same height, except for the first, which is never contoured."""
+    rest = own[1:]
+    height = np.round(stack.height[rest] / _SAME_HEIGHT)
+    return [rest[height == one] for one in np.unique(height)]
+
+
+def _measure_gradients(part: Mesh) -> Float:
+    """Return the rise per mm (F,) of each facet that faces up; infinite for all others."""
+    a, b, c = part.triangles.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    up = normal[:, 2] > 0
+    return np.where(up, np.hypot(*normal[:, :2].T) / np.where(up, normal[:, 2], 1.0), np.inf)
