@@ -158,6 +158,10 @@ CODES: Final[Mapping[str, Code]] = {
     "outline": _coverage_code(
         "printed outline that differs from the part", "Check size compensation and scale"
     ),
+    "contour": _coverage_code(
+        "contoured extrusion above or below the surface of the part",
+        "Check that this is the model that was sliced",
+    ),
     "crash": _dry_run_code("collision of the nozzle with the print", "Raise the nozzle before this move"),
     "head": Code(
         "lint, dry run",

@@ -215,8 +215,8 @@ def _local_tops(part: Part, xy: Float, top: float, role: str, rule: Rule) -> lis
     z = np.where(shallow | bool(rule.raised), z, top)
     if rule.steep and role == "External perimeter":
         lowered = np.maximum(top - WIDTH / 2 * np.sin(np.arctan(gradient)), least)
-        z = np.where(gradient > tan(radians(35)), lowered, z)
-    return list(np.round(z, 3).tolist())
+        z = np.where((gradient > tan(radians(35))) & (surface < most), lowered, z)
+    return np.round(z, 3).tolist()
 
 
 def _section(height: float) -> float:

@@ -150,7 +150,7 @@ def _add_comparison_options(group: argparse._ArgumentGroup) -> None:
             action="append",
             default=[],
             help="with --model: change a limit; may be repeated; NAME is one of uncovered, outside, overlap, "
-            "unsupported, underfilled, overfilled, outline",
+            "unsupported, underfilled, overfilled, outline, contour",
         )
     )
 

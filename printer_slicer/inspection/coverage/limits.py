@@ -13,6 +13,7 @@ from printer_slicer.deprecation import accept_former_fields
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.geometry import Areas, difference, intersection, offset, offset_open
 from printer_slicer.inspection.coverage.measurement import Coverage
+from printer_slicer.inspection.coverage.surface_distance import SurfaceErrors
 from printer_slicer.inspection.deposition.unsupported import MIN_REPORTED_LENGTH
 from printer_slicer.values import Struct
 
@@ -44,6 +45,7 @@ class CoverageLimits(Struct, frozen=True):
         underfilled: least material in the shell, as a share of the material it needs.
         overfilled: most material in the shell, as a share of the material it needs.
         outline: largest 95th percentile of the distance of the outlines, mm.
+        contour: longest piece of a path that is too high or too low in a contoured layer, mm.
     """
 
     uncovered: float = 0.05
@@ -53,6 +55,7 @@ class CoverageLimits(Struct, frozen=True):
     underfilled: float = 0.90
     overfilled: float = 1.10
     outline: float = 0.15
+    contour: float = 3.0
 
 
 def excess_ratio(diagnostic: Diagnostic) -> float:
@@ -188,6 +191,25 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
     yield from _volume_measures(coverage, limits)
     yield _unsupported_measure(coverage, limits)
     yield _outline_measure(coverage, limits)
+    if coverage.surface is not None:
+        yield _contour_measure(coverage.surface, limits)
+
+
+def _contour_measure(surface: SurfaceErrors, limits: CoverageLimits) -> _Measure:
+    """Return the length of extrusion that does not follow the surface, with its limit."""
+    length, most = surface.length, surface.most
+    return _Measure(
+        "contour",
+        length,
+        length > limits.contour,
+        _limit_usage(length, limits.contour),
+        limits.contour,
+        lambda k: (
+            f"{length[k]:.0f} mm of a path are up to {abs(most[k]):.2f} mm too {'high' if most[k] > 0 else 'low'}"
+            " for the surface"
+        ),
+        lambda k: (float(surface.place[k, 0]), float(surface.place[k, 1])),
+    )
 
 
 def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:

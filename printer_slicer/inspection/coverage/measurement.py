@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.fill import LayerFill, measure_fill, overlap_cells
 from printer_slicer.inspection.coverage.outline import OutlineDistances, measure_outline_distances
 from printer_slicer.inspection.coverage.stack import Stack, split_thick_extrusions
+from printer_slicer.inspection.coverage.surface_distance import SurfaceErrors, measure_surface_errors
 from printer_slicer.inspection.coverage.zones import (
     exposed_areas,
     footprint,
@@ -24,6 +26,7 @@ from printer_slicer.inspection.coverage.zones import (
 from printer_slicer.inspection.deposition.marks import NOT_PART, Marks
 from printer_slicer.inspection.deposition.support_gaps import SupportGaps
 from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, UnsupportedTracker
+from printer_slicer.model import Mesh
 from printer_slicer.values import Struct, force_setattr
 
 __all__ = ["Coverage", "CoverageRules", "coverage_of", "find_overlaps"]
@@ -77,8 +80,10 @@ class Coverage(Struct, frozen=True, eq=False):
         fill: overlap, and material in the shell.
         unsupported: unsupported extrusion, by height; commands are the numbers of extrusions, counted from 1.
         volume: (L,) volume of the part's extrusions; those that fill several layers are split.
-        section_volume: (L,) volume of the sections with the heights of their layers.
+        section_volume: (L,) volume of the sections with the heights of their layers, without what is above contoured
+            extrusions.
         by_purpose: (P,) extruded volume of each `Purpose`.
+        surface: distances of contoured extrusions from the surface; None if the surface is not given.
     """
 
     rules: CoverageRules
@@ -97,6 +102,7 @@ class Coverage(Struct, frozen=True, eq=False):
     volume: Float
     section_volume: Float
     by_purpose: Float
+    surface: SurfaceErrors | None = None
 
     def __post_init__(self) -> None:
         n = self.stack.n_layers
@@ -128,7 +134,11 @@ class Coverage(Struct, frozen=True, eq=False):
 
 
 def coverage_of(
-    stack: Stack, sections: Areas, rules: CoverageRules = CoverageRules(), beside: Bool | None = None
+    stack: Stack,
+    sections: Areas,
+    rules: CoverageRules = CoverageRules(),
+    beside: Bool | None = None,
+    parts: Sequence[Mesh] = (),
 ) -> Coverage:
     """Measure the coverage of extrusions against the sections of a part.
 
@@ -137,6 +147,8 @@ def coverage_of(
         sections: sections of the part in its position in the file, one for each layer of the stack.
         rules: parameters of the measurement.
         beside: (B,) mask of further extrusions that do not belong to the part, whatever their purpose.
+        parts: the part in its position in the file, one for each group of the stack; without it, the heights of
+            contoured extrusions are not compared.
 
     Raises:
         ValueError: the stacks have different numbers of layers.
@@ -174,9 +186,20 @@ def coverage_of(
         volume=np.bincount(split_stack.layer[split_of_part], volume[split_of_part], stack.n_layers).astype(
             np.float64
         ),
-        section_volume=sections.area() * stack.height,
+        section_volume=sections.area() * stack.height - _volume_above_contours(stack, of_part),
         by_purpose=np.bincount(split_stack.beads.purpose, volume, len(Purpose)).astype(np.float64),
+        surface=measure_surface_errors(parts, stack, of_part) if parts else None,
     )
+
+
+def _volume_above_contours(stack: Stack, of_part: Bool) -> Float:
+    """Return the volume (L,) between contoured extrusions and the tops of their layers, mm³."""
+    beads = stack.beads
+    chosen = np.flatnonzero(of_part & beads.is_contoured)
+    some, layer = beads.take(chosen), stack.layer[chosen]
+    spacing = some.area / some.height
+    volume = some.length * spacing * (stack.top[layer] - some.middle_z)
+    return np.asarray(np.bincount(layer, volume, stack.n_layers), np.float64)
 
 
 def _find_exposed_areas(stack: Stack, sections: Areas, surface_depth: float) -> Areas:

@@ -128,7 +128,8 @@ def check_gcode(
     matched = match_part(mesh, deposit.beads, stack, asked.placement)
     report("measuring")
     stack, sections = matched.stack, matched.sections
-    coverage = coverage_of(stack, sections, asked.rules, find_detached_extrusions(stack, sections))
+    beside = find_detached_extrusions(stack, sections)
+    coverage = coverage_of(stack, sections, asked.rules, beside, matched.parts)
     return Check(
         name,
         coverage,

@@ -1,0 +1,191 @@
+"""Contoured files without faults have no findings, and planted faults are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+
+from printer_slicer.inspection.coverage.model_check import Check, check_gcode
+from tests.contoured_gcode import (
+    HEIGHT,
+    KINDS,
+    PARTS,
+    RULES,
+    Line,
+    Part,
+    Rule,
+    contour,
+    example,
+    level,
+    wedge,
+)
+
+SEEDS = (1, 2, 3)
+Change = Callable[[Line], Line | None]
+Planter = Callable[[np.random.Generator, int], Change]
+
+
+@cache
+def small(degrees: int) -> tuple[Part, str]:
+    """A small wedge, and its G-code of level layers."""
+    part = wedge(degrees, 13.0, 9.0)
+    return part, level(part, widened=True)
+
+
+def checked(degrees: int, change: Change | None = None) -> Check:
+    part, text = small(degrees)
+    return check_gcode(contour(text, part, Rule(change=change) if change else Rule()).encode(), part.mesh)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", PARTS)
+def test_a_contoured_file_has_no_findings(name: str, kind: str) -> None:
+    part, text = example(name, kind)
+    check = check_gcode(text.encode(), part.mesh)
+
+    assert check.findings == ()
+    assert check.problems == ()
+    assert check.match.shift == pytest.approx((0, 0), abs=0.002)
+    assert check.coverage.surface is not None
+    assert check.coverage.surface.length.max() < 1
+
+
+def test_the_small_wedges_have_no_findings() -> None:
+    for degrees in (10, 20):
+        assert checked(degrees).findings == ()
+
+
+def on_slope(one: Line, least: float = 0.02) -> bool:
+    """Whether a point lies on a lowered piece."""
+    return one["z"] < one["top"] - least
+
+
+def missing_wall(rng: np.random.Generator, layer: int) -> Change:
+    del rng
+    return lambda one: None if one["layer"] == layer and one["wall"] and on_slope(one) else one
+
+
+def shifted(rise: float) -> Planter:
+    """Beads on the slope that are too high, or too low, with the flow that suits their height."""
+
+    def plant(rng: np.random.Generator, layer: int) -> Change:
+        most = rise * rng.uniform(1.0, 1.2)
+
+        def change(one: Line) -> Line:
+            if one["layer"] != layer or not on_slope(one):
+                return one
+            bottom = one["top"] - HEIGHT
+            z = max(one["z"] + most, bottom + 0.02)
+            return one | {"z": z, "e": one["e"] * (z - bottom) / (one["z"] - bottom)}
+
+        return change
+
+    return plant
+
+
+def flow(ratio: float) -> Planter:
+    def plant(rng: np.random.Generator, layer: int) -> Change:
+        share = ratio * rng.uniform(0.9, 1.1)
+        return lambda one: one | {"e": one["e"] * share} if one["layer"] == layer and on_slope(one) else one
+
+    return plant
+
+
+def below_the_layer(rng: np.random.Generator, layer: int) -> Change:
+    depth = rng.uniform(0.03, 0.1)
+    return lambda one: (
+        one | {"z": one["top"] - HEIGHT - depth} if one["layer"] == layer and on_slope(one, 0.1) else one
+    )
+
+
+def missing_layer(rng: np.random.Generator, layer: int) -> Change:
+    del rng
+    return lambda one: None if one["layer"] == layer else one
+
+
+def moved_wall(rng: np.random.Generator, layer: int) -> Change:
+    away = rng.uniform(0.45, 0.6)
+    return lambda one: (
+        one | {"x": one["x"] + away} if one["layer"] == layer and one["wall"] and on_slope(one) else one
+    )
+
+
+def gap_in_skin(rng: np.random.Generator, layer: int) -> Change:
+    """A gap of 4 mm in the skin, as far as the slope comes within 2 mm of the top of the layer."""
+    middle = rng.uniform(-1.5, 1.5)
+    low = {"x": np.inf}
+
+    def change(one: Line) -> Line | None:
+        if one["layer"] != layer:
+            return one
+        if one["wall"] and on_slope(one):
+            low["x"] = min(low["x"], one["x"])
+        is_gap = not one["wall"] and one["x"] > low["x"] - 2 and abs(one["y"] - middle) < 2
+        return None if is_gap else one
+
+    return change
+
+
+def level_strip(rng: np.random.Generator, layer: int) -> Change:
+    """The whole strip at the top of its layer, as if it were not contoured."""
+    del rng
+
+    def change(one: Line) -> Line:
+        if one["layer"] != layer or not on_slope(one):
+            return one
+        bottom = one["top"] - HEIGHT
+        return one | {"z": one["top"], "e": one["e"] * HEIGHT / (one["z"] - bottom)}
+
+    return change
+
+
+FAULTS: dict[str, tuple[Planter, set[str]]] = {
+    "missing wall": (missing_wall, {"uncovered", "outline", "underfilled"}),
+    "too high": (shifted(0.09), {"contour"}),
+    "too low": (shifted(-0.09), {"contour"}),
+    "too little flow": (flow(0.5), {"uncovered", "underfilled", "outline"}),
+    "too much flow": (flow(1.7), {"overlap", "overfilled", "outside", "outline"}),
+    "below the layer": (below_the_layer, {"contour"}),
+    "missing layer": (missing_layer, {"uncovered", "underfilled", "outline"}),
+    "moved wall": (moved_wall, {"outside", "outline", "uncovered"}),
+    "gap in skin": (gap_in_skin, {"uncovered", "underfilled"}),
+    "level strip": (level_strip, {"contour", "outline", "outside"}),
+}
+
+
+# On 10 degrees, walls cover the whole slope.
+CASES = [
+    (fault, degrees) for fault in FAULTS for degrees in (5, 10) if (fault, degrees) != ("gap in skin", 10)
+]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("fault", "degrees"), CASES)
+def test_planted_faults_are_found(fault: str, degrees: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    plant, codes = FAULTS[fault]
+    n = round(small(degrees)[0].mesh.height / HEIGHT)
+    layer = int(rng.integers(7, n))
+    check = checked(degrees, plant(rng, layer))
+
+    found = {one.code for one in check.findings if one.first <= layer + 1 and one.last >= layer - 1}
+    assert found & codes, [one.message for one in check.findings]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_an_extrusion_above_a_lowered_strip_is_found(seed: int) -> None:
+    part, text = small(10)
+    rng = np.random.default_rng(seed)
+    rows = contour(text, part, RULES["lowered"]).split("\n")
+    layers = [k for k, row in enumerate(rows) if row.startswith(";LAYER_CHANGE")]
+    layer = int(rng.integers(9, len(layers) - 1))
+    # The slope one or two layers below, at the end of a layer.
+    x = part.mesh.bounds[1, 0] - ((layer - rng.integers(1, 3)) * HEIGHT - 1.0) / np.tan(np.radians(10))
+    end = layers[layer]
+    added = [";TYPE:Top solid infill", f"G0 X{x:.3f} Y-3", f"G1 X{x:.3f} Y3 E0.25"]
+    check = check_gcode("\n".join(rows[:end] + added + rows[end:]).encode(), part.mesh)
+
+    assert {one.code for one in check.findings} & {"outside", "outline", "contour", "unsupported"}
