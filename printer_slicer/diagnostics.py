@@ -170,6 +170,12 @@ CODES: Final[Mapping[str, Code]] = {
         "Print the parts farther apart or layer by layer, or correct printer.head",
         True,
     ),
+    "pressed": Code(
+        "dry run",
+        "warning",
+        "underside of the nozzle within higher extrusions of the same layer",
+        "Lay lower extrusions before higher ones",
+    ),
     "bed": _dry_run_code(
         "extrusion so low that the nozzle scrapes the bed", "Check the z offset and the units"
     ),

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from math import radians, tan
-from re import findall
+from re import findall, sub
 from typing import Final
 
 import numpy as np
@@ -35,6 +35,7 @@ __all__ = [
     "dome",
     "example",
     "level",
+    "printable",
     "wedge",
 ]
 
@@ -228,3 +229,9 @@ def _write(one: Line, words: Line) -> str:
     """A line of G-code."""
     feed = f" F{words['F']:.0f}" if "F" in words else ""
     return f"G1 X{one['x']:.3f} Y{one['y']:.3f} Z{one['z']:.3f} E{one['e']:.6f}{feed}"
+
+
+def printable(text: str, *, middle: float = 110.0) -> bytes:
+    """Move G-code around the origin to the middle of a bed, and heat, home and switch off around it."""
+    text = sub(r"(?<= [XY])-?[\d.]+", lambda word: f"{float(word[0]) + middle:.3f}", text)
+    return f"M104 S210\nG28\nM109 S210\nM83\n{text}\nM104 S0\nM140 S0\n".encode()

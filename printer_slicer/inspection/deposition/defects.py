@@ -6,6 +6,7 @@ unsupported         extrusion with nothing below it, see `deposition.unsupported
 collision           the nozzle, extruding or not, is more than 0.12 mm below the print in its path
 on the bed          extrusion less than 0.04 mm above the bed
 flow                more volume per second than the material allows
+pressed             plastic of the same layer under the nozzle, see `deposition.nozzle_contacts`
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from printer_slicer.inspection.deposition.height_map import (
     split_moves,
 )
 from printer_slicer.inspection.deposition.marks import Defect, Marks
+from printer_slicer.inspection.deposition.nozzle_contacts import NozzleContactFinder
 from printer_slicer.inspection.deposition.unsupported import (
     MIN_REPORTED_LENGTH,
     add_to_height_map,
@@ -49,6 +51,7 @@ class DefectFinder:
         max_flow: highest flow of the material, mm³/s.
         marks: layers and roles from the comments.
         head: finds contacts of the print head; None: its shape is unknown.
+        nozzle: finds plastic under the nozzle; None: none is searched for.
 
     Attributes:
         defects: one defect of each kind per layer, in order; the first 200.
@@ -57,9 +60,15 @@ class DefectFinder:
     """
 
     def __init__(
-        self, height_map: HeightMap, max_flow: float, marks: Marks, head: HeadContactFinder | None = None
+        self,
+        height_map: HeightMap,
+        max_flow: float,
+        marks: Marks,
+        head: HeadContactFinder | None = None,
+        nozzle: NozzleContactFinder | None = None,
     ) -> None:
         self._height_map, self._max_flow, self._marks, self._head = height_map, max_flow, marks, head
+        self._nozzle = nozzle
         self.defects: list[Defect] = []
         self.counts: dict[str, int] = {}
         self.peak: Defect | None = None
@@ -75,6 +84,8 @@ class DefectFinder:
         if len(extruding):
             extruding_pieces = pieces.take(extruding)
             self._find_unsupported(batch, extruding_pieces, cell[extruding], layers)
+            if self._nozzle is not None and (found := self._nozzle.check(batch, extruding_pieces, layers)):
+                self._record(found)
             add_to_height_map(self._height_map, batch, extruding_pieces, cell[extruding], self._marks)
 
     def _check_flow(self, batch: MoveBatch, layers: Int) -> None:
@@ -143,7 +154,7 @@ class DefectFinder:
         )
         if previous is not None and self.defects[previous].layer == defect.layer:
             old = self.defects[previous]
-            merge = max if defect.kind in {"flow", "crash", "head"} else float.__add__
+            merge = max if defect.kind in {"flow", "crash", "head", "pressed"} else float.__add__
             self.defects[previous] = old._replace(
                 amount=merge(old.amount, defect.amount), depth=max(old.depth, defect.depth)
             )

@@ -155,6 +155,15 @@ class HeightMap:
         beside = np.clip(cell[:, None] + np.array(around), 0, self._outside)
         return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
 
+    def max_depth_below_print_within(self, cell: Int, z: Float, radius: float) -> Float:
+        """Return how far (P,), mm, heights z are below the highest top of the print in cells within a radius, mm."""
+        reach = int(radius / CELL)
+        steps = np.arange(-reach, reach + 1)
+        row, column = (axis.ravel() for axis in np.meshgrid(steps, steps))
+        near = np.hypot(row, column) * CELL <= radius
+        beside = np.clip(cell[:, None] + (row * self._wide + column)[near], 0, self._outside)
+        return np.asarray(self._top[beside].max(axis=1, initial=0.0) - z)
+
     def is_supported(self, cell: Int, lowest: Float, support_gap: float) -> Bool:
         """Return a mask (P,) of pieces that have print up to height `lowest` in their or a neighbouring cell.
 

@@ -99,12 +99,12 @@ class Defect(NamedTuple):
     """A defect of the extrusion: its kind, command, position and amount.
 
     Attributes:
-        kind: "unsupported", "crash", "head", "bed" or "flow".
+        kind: "unsupported", "crash", "head", "bed", "flow" or "pressed".
         command: the command that caused it, counted from 1.
         layer: see `Marks.layer_at`.
         z, x, y: mm, its position.
-        amount: unsupported length or length of the collision, mm; height above the bed, or of a shape of the head above
-            the nozzle, mm; or flow, mm³/s.
+        amount: length of the unsupported or pressed extrusion, or of the collision, mm; height above the bed, or of a
+            shape of the head above the nozzle, mm; or flow, mm³/s.
         depth: mm, depth of a collision or contact.
     """
 

@@ -24,6 +24,7 @@ from printer_slicer.inspection.deposition.height_map import (
     find_height_changes,
 )
 from printer_slicer.inspection.deposition.marks import Marks
+from printer_slicer.inspection.deposition.nozzle_contacts import NozzleContactFinder
 from printer_slicer.inspection.deposition.record import Deposition, LayerDeposition
 from printer_slicer.inspection.deposition.timeline import TimelineRecorder
 from printer_slicer.inspection.deposition.underextrusion import MissingExtrusionFinder
@@ -48,6 +49,7 @@ class DepositionRecorder:
         max_flow: highest flow of the material, mm³/s.
         marks: layers and roles from the comments.
         shapes: of the print head.
+        nozzle_flat: mm, diameter of the level underside of the nozzle; 0: unknown.
     """
 
     def __init__(
@@ -57,10 +59,16 @@ class DepositionRecorder:
         max_flow: float,
         marks: Marks,
         shapes: Sequence[HeadShape] = (),
+        *,
+        nozzle_flat: float = 0.0,
     ) -> None:
         self._height_map = HeightMap(*box)
         self._defects = DefectFinder(
-            self._height_map, max_flow, marks, HeadContactFinder(shapes, box) if shapes else None
+            self._height_map,
+            max_flow,
+            marks,
+            HeadContactFinder(shapes, box) if shapes else None,
+            NozzleContactFinder(self._height_map, nozzle_flat) if nozzle_flat else None,
         )
         self._area, self._marks = area, marks
         # Filament fed by each tool so far, and its maximum, mm.

@@ -182,6 +182,13 @@ _DEFECT_TEXTS: Final[Mapping[str, Callable[[Defect], tuple[str, str]]]] = {
         f"extrusion only {one.z:.3g} mm above the bed: the nozzle scrapes it",
         "Check the z offset and the units (a file in inches needs G20)",
     ),
+    "pressed": lambda one: (
+        (
+            f"the nozzle presses {one.depth:.2f} mm into higher extrusions of its layer, on {one.amount:.0f} mm,"
+            f" at x {one.x:.1f} y {one.y:.1f}"
+        ),
+        "Lay lower extrusions before higher ones",
+    ),
 }
 """Kind of defect -> functions that return message and remedy."""
 
@@ -205,7 +212,7 @@ def deposition_faults(
                 of_kind[0].command - 1,
                 Diagnostic(
                     kind,
-                    "error",
+                    "warning" if kind == "pressed" else "error",
                     what,
                     remedy=remedy,
                     z=of_kind[0].z,
