@@ -1,0 +1,122 @@
+"""Measure how near a print is to its model, from G-code, with the tops of contoured layers.
+
+    python -m benchmarks.contouring sample FILE.gcode MODEL.stl [--points N] [--seed N]
+
+Prints the mean distance of points drawn evenly from the surface of the model to the printed solid: of all points, and
+of those on surfaces that face up with a slope of up to 45 degrees, flats left out. The printed solid has the section of
+each layer, up to the top of the nearest extrusion. Layers, sections and position are those of `check --model`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from printer_slicer.arrays import Bool, Float
+from printer_slicer.deviation import Deviation, LocalTops, measure_deviation
+from printer_slicer.healing import repair
+from printer_slicer.inspection.coverage.model_check import place_sections, read_gcode_extrusions
+from printer_slicer.inspection.coverage.stack import Stack
+from printer_slicer.inspection.deposition.marks import NOT_PART
+from printer_slicer.mesh_io import load_mesh
+from printer_slicer.model import LayerPlan, Mesh, Sections
+
+_MAX_GRADIENT = 1.0  # mm per mm, of shallow tops
+_MIN_GRADIENT = 1e-3  # mm per mm; less is flat
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Distances from the surface of a model to a print.
+
+    Attributes:
+        deviation: points and their distances, mm.
+        is_top: (n,) whether each point is on a shallow top.
+        contoured: share of the length of the extrusions that is contoured.
+        layers: number of layers.
+    """
+
+    deviation: Deviation
+    is_top: Bool
+    contoured: float
+    layers: int
+
+    @property
+    def tops(self) -> float:
+        """Mean distance of the points on shallow tops, mm; nan without such points."""
+        distance = self.deviation.distance[self.is_top]
+        return float(distance.mean()) if len(distance) else np.nan
+
+
+def sample(text: bytes, mesh: Mesh, n_points: int = 20_000, seed: int = 0) -> Sample:
+    """Measure the distances from the surface of a model to its print.
+
+    Args:
+        text: G-code of any slicer.
+        mesh: the model, repaired and turned as it is printed, at any position.
+        n_points: number of points.
+        seed: the same seed gives the same points.
+    """
+    deposit, stack = read_gcode_extrusions(text, None, "G-code")
+    stack, sections, match = place_sections(mesh, deposit, stack)
+    low = float(mesh.bounds[0, 2])
+    part = mesh.moved((*match.shift, -low))
+    base = float(stack.bottom[0])
+    plan = LayerPlan(stack.top - base, (stack.top + stack.bottom) / 2 - base)
+    tops = _tops_of(stack, base)
+    deviation = measure_deviation(part, Sections(plan, sections), n_points, seed, tops)
+    length, contoured = stack.beads.length, stack.beads.is_contoured
+    share = float(length[contoured].sum() / length.sum())
+    return Sample(deviation, _find_tops(part, deviation.points), share, stack.n_layers)
+
+
+def _tops_of(stack: Stack, base: float) -> LocalTops:
+    """Return the tops of contoured layers, with z from the bottom of the part at `base`, mm."""
+    beads = stack.beads
+    used = np.zeros(stack.n_layers, np.bool_)
+    used[stack.layer[beads.is_contoured]] = True
+    own = (stack.layer >= 0) & ~np.isin(beads.purpose, NOT_PART)
+    some = np.flatnonzero(own & used[stack.layer])
+    # Extrusions that fill several layers, or hang as threads, have their own top.
+    begin = np.column_stack([beads.begin, beads.z_top - beads.rise - base])
+    end = np.column_stack([beads.end, beads.z_top - base])
+    return LocalTops(begin[some], end[some], stack.layer[some])
+
+
+def _find_tops(part: Mesh, points: Float) -> Bool:
+    """Return whether points (n, 3) of a surface are on facets that face up with a slope of up to 45 degrees."""
+    from printer_slicer.inspection.coverage.surface_distance import find_surface
+
+    height, gradient = find_surface(part, points[:, :2], points[:, 2] - 1e-4, points[:, 2] + 1e-4)
+    return ~np.isnan(height) & (gradient <= _MAX_GRADIENT) & (gradient >= _MIN_GRADIENT)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the distances of one file."""
+    parser = argparse.ArgumentParser(prog="benchmarks.contouring", description=__doc__.split("\n")[0])
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("sample", help="mean distance of a file from its model")
+    one.add_argument("gcode", type=Path)
+    one.add_argument("model", type=Path)
+    one.add_argument("--points", type=int, default=20_000)
+    one.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args(argv)
+    mesh = repair(load_mesh(options.model))[0]
+    found = sample(options.gcode.read_bytes(), mesh, options.points, options.seed)
+    deviation = found.deviation
+    print(
+        f"whole {1000 * deviation.mean:.2f} µm (±{1000 * deviation.standard_error:.2f}), "
+        f"tops {1000 * found.tops:.2f} µm ({found.is_top.mean():.1%} of the points), "
+        f"p95 {1000 * deviation.p95:.1f}, maximum {1000 * deviation.max:.0f} µm; "
+        f"{found.layers} layers, {found.contoured:.1%} of the length contoured"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
