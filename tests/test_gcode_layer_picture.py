@@ -17,6 +17,7 @@ from PIL import Image
 from printer_slicer import bead
 from printer_slicer.drawing import View, draw_gcode_layer
 from printer_slicer.drawing.canvas import Fill, Line, Picture, Strokes, Text
+from printer_slicer.drawing.extrusion_kinds import find_kinds
 from printer_slicer.geometry import Areas
 from printer_slicer.inspection.coverage.gcode_extrusions import extrusions_of_gcode
 from printer_slicer.inspection.coverage.layer_extrusions import (
@@ -25,6 +26,7 @@ from printer_slicer.inspection.coverage.layer_extrusions import (
     file_layers_of,
 )
 from printer_slicer.inspection.coverage.stack import stack_extrusions
+from tests.contoured_gcode import example
 from tests.inspection.coverage.lines import path
 from tests.parts import shape, shapely
 from tests.strategies import clean_areas
@@ -226,3 +228,19 @@ def test_a_layer_without_a_place_cannot_be_drawn() -> None:
 
     with pytest.raises(ValueError, match="nothing to draw"):
         draw_gcode_layer(empty, "")
+
+
+def test_contoured_extrusions_are_coloured_by_their_height() -> None:
+    _, text = example("wedge 10", "lowered")
+    gcode = extrusions_of_gcode(text.encode())
+    layers = file_layers_of(gcode, stack_extrusions(gcode.beads))
+    layer = extrusions_of_layer(gcode, layers, 10)
+    kind, kinds = find_kinds(layer)
+    names = [name for name, _ in kinds]
+
+    assert layers.n_layers == 20
+    assert [name for name in names if name.startswith("Contoured")] == [
+        f"Contoured, {low:.2g} to {low + 0.05:.2g} mm high" for low in (0.05, 0.1, 0.15)
+    ]
+    assert len({colour for _, colour in kinds}) == len(names) == kind.max() + 1
+    assert "Contoured, 0.1 to 0.15 mm high" in words(draw_gcode_layer(layer, ""))

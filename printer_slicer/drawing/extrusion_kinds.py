@@ -37,19 +37,35 @@ _COLOURS: Final = {
     Purpose.TOP_SOLID_INFILL: ROLE_COLOURS[Role.TOP_SOLID_INFILL],
 }
 _OTHER_COLOUR: Final = "#4477aa"
+_HEIGHT_STEP: Final = 0.05  # mm
+_MOST_STEPS, _LIGHTEST_STEP = 20, 5
+_HEIGHT_COLOURS: Final = "#3b0f70", "#f6d746"  # of the lowest and the highest contoured extrusions
 _LIGHT: Final = 0.25  # fraction of white in the colours, so that dark colours keep a visible edge
 
 
 def find_kinds(layer: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
     """Return the kind (B,) of each extrusion, and the name and colour of each kind.
 
-    A kind is one role name of the file; all names of one role share its colour.
+    A kind is one role name of the file; all names of one role share its colour. Contoured extrusions, whose height
+    changes inside a layer, have kinds and colours by their height.
     """
-    pairs = np.stack([layer.name, layer.beads.purpose], axis=1)
+    beads = layer.beads
+    contoured = beads.is_contoured
+    # The number of the height range of contoured extrusions takes the place of name and role.
+    steps = np.clip(np.nan_to_num(beads.height) / _HEIGHT_STEP, 0, _MOST_STEPS - 1).astype(np.int64)
+    pairs = np.stack([np.where(contoured, -1, layer.name), np.where(contoured, steps, beads.purpose)], axis=1)
     kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
     return kind.ravel(), [
-        name_kind(layer.names[index], Purpose(purpose)) for index, purpose in kinds.tolist()
+        _name_height(number) if index < 0 else name_kind(layer.names[index], Purpose(number))
+        for index, number in kinds.tolist()
     ]
+
+
+def _name_height(step: int) -> tuple[str, str]:
+    """Return the name and the colour of contoured extrusions in a range of heights; low ones are dark."""
+    low, high = step * _HEIGHT_STEP, (step + 1) * _HEIGHT_STEP
+    colour = mix_colours(*_HEIGHT_COLOURS, min(step / _LIGHTEST_STEP, 1.0))
+    return f"Contoured, {low:.2g} to {high:.2g} mm high", colour
 
 
 def name_kind(name: str, purpose: Purpose) -> tuple[str, str]:
