@@ -21,6 +21,15 @@ LEVEL = {5: 45.3, 10: 42.5, 15: 39.5, 20: 36.8}
 CONTOURED = {5: 7.0, 10: 13.5, 15: 19.5, 20: 20.0}
 
 
+def test_pressing_adds_to_the_distance_where_higher_walls_are_laid_first() -> None:
+    part, text = example("wedge 10", "lowered")  # walls from inside out
+    free, pressed = (sample(text.encode(), part.mesh, 4000, pressed=one).tops for one in (0.0, 1.0))
+    level = example("wedge 10", "level")[1]
+
+    assert 1.15 * free < pressed < 2.5 * free
+    assert sample(level.encode(), part.mesh, 4000, pressed=1.0).tops == pytest.approx(0.0429, abs=0.002)
+
+
 def ascii_stl(part: Part) -> str:
     facets = (
         "facet normal 0 0 0\nouter loop\n"

@@ -39,7 +39,7 @@ _COLOURS: Final = {
 _OTHER_COLOUR: Final = "#4477aa"
 _HEIGHT_STEP: Final = 0.05  # mm
 _MOST_STEPS, _LIGHTEST_STEP = 20, 5
-_HEIGHT_COLOURS: Final = "#3b0f70", "#f6d746"  # of the lowest and the highest contoured extrusions
+_HEIGHT_COLOURS: Final = "#3b0f70", "#e6e6f2"  # of the lowest and the highest contoured extrusions
 _LIGHT: Final = 0.25  # fraction of white in the colours, so that dark colours keep a visible edge
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
+from printer_slicer.inspection.coverage.contours import mark_contoured
 from printer_slicer.inspection.coverage.extrusions import (
     Extrusions,
     Purpose,
@@ -189,8 +190,11 @@ def stack_of_program(program: Program, filament_diameter: float) -> Stack:
         filament_diameter: mm.
     """
     beads, move = extrusions_of_program(program, filament_diameter)
-    plan = program.plan
-    return Stack(beads, program.layer[move], plan.top, plan.bottom)
+    plan, layer = program.plan, program.layer[move]
+    beads = mark_contoured(beads, layer + 1, plan.top[layer])
+    local = np.maximum(beads.middle_z - plan.bottom[layer], _MIN_HEIGHT)
+    beads = replace(beads, height=np.where(beads.is_contoured, local, beads.height))
+    return Stack(beads, layer, plan.top, plan.bottom)
 
 
 def stack_extrusions(beads: Extrusions, part: Bool | None = None, lowest: float | None = None) -> Stack:

@@ -11,7 +11,7 @@ from printer_slicer.inspection.dry_run.runner import Verdict, dry_run
 from printer_slicer.inspection.lint.scan import lint_text
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_from
-from tests.contoured_gcode import HEIGHT, PARTS, Line, Rule, contour, level, printable
+from tests.contoured_gcode import HEIGHT, KINDS, PARTS, Line, Rule, contour, example, level, printable
 
 PROFILE = load_profile("marlin_220", "pla", "standard", {})
 USUAL = Rule()
@@ -59,3 +59,11 @@ def test_a_slope_along_a_path_that_is_faster_than_the_z_axis_is_told(degrees: in
     told = [one for one in findings if one.code == "feed" and one.message.startswith("z moves at")]
 
     assert bool(told) == too_fast
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", ["wedge 5", "wedge 20", "dome"])
+def test_bare_checks_find_no_errors(name: str, kind: str) -> None:
+    findings = lint_text(name, printable(example(name, kind)[1]), PROFILE).findings
+
+    assert [one.message for one in findings if one.is_error] == []
