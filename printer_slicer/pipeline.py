@@ -264,12 +264,19 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
         toolpaths = toolpaths if keep else _select_adhesion(toolpaths)
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
-    made_later = toolpaths, travels, program, link, labels, Repairs()
-    found_overhangs = _join_overhangs(found)
-    stacks = make_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan)
-    if contours is not None:
-        stacks = tuple(replace(one, contours=contours.select_layers(one.plan.top + lift)) for one in stacks)
-    return Stages(part, solid, walls, regions, *made_later, *found_overhangs, supports, stacks=stacks)
+    made_later = toolpaths, travels, program, link, labels, Repairs(), *_join_overhangs(found)
+    stacks = _list_printed_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan, contours, lift)
+    return Stages(part, solid, walls, regions, *made_later, supports, stacks=stacks)
+
+
+def _list_printed_stacks(
+    part: Mesh, plan: Plans, contours: ContourDeviations | None, lift: float
+) -> tuple[ObjectStack, ...]:
+    """Return the stacks of a part that is raised by `lift`, mm, with the deviations of its contoured tops."""
+    stacks = make_stacks(part, plan)
+    if contours is None:
+        return stacks
+    return tuple(replace(one, contours=contours.select_layers(one.plan.top + lift)) for one in stacks)
 
 
 def _order(

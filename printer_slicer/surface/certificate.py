@@ -25,12 +25,6 @@ from printer_slicer.geometry.slab_projection import BESIDE
 from printer_slicer.model import ContourDeviations, LayerPlan, Mesh, ObjectStack
 from printer_slicer.repr_svg import SvgRepr
 from printer_slicer.surface.contacts import Contacts, find_contacts
-from printer_slicer.surface.contoured_tops import (
-    bound_contoured_runs,
-    compute_volume_changes,
-    find_steepest_facet,
-    group_by_slope,
-)
 from printer_slicer.surface.shadow import Shadow, project_surface
 from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
 from printer_slicer.values import Struct, force_setattr, replace
@@ -182,10 +176,26 @@ def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
 def _bound_contours(surface: Surface, plan: LayerPlan) -> Float:
     """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
     result = np.zeros(plan.n_layers)
+    if plan.contour_rule is None:
+        return result
+    from printer_slicer.surface.contoured_tops import bound_contoured_runs, group_by_slope  # noqa: PLC0415 - off by default
+
     for layers, facets in group_by_slope(surface.triangles, plan):
-        assert plan.contour_rule is not None
         bottom, top = plan.bottom[layers], plan.top[layers]
         result[layers] = bound_contoured_runs(facets, plan.contour_rule, bottom, top)
+    return result
+
+
+def _compute_contour_changes(surface: Surface, plan: LayerPlan) -> Float:
+    """Return by how much contouring changes the volume errors (L,) of layers, mm³."""
+    result = np.zeros(plan.n_layers)
+    if plan.contour_rule is None:
+        return result
+    from printer_slicer.surface.contoured_tops import compute_volume_changes, group_by_slope  # noqa: PLC0415 - off by default
+
+    for layers, facets in group_by_slope(surface.triangles, plan):
+        heights = plan.bottom[layers], plan.cut[layers], plan.top[layers]
+        result[layers] = compute_volume_changes(facets, plan.contour_rule, *heights)
     return result
 
 
@@ -332,10 +342,7 @@ def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
             total += below[2::2] + below[:-1:2] - 2 * below[1::2]
             if np.abs(aside).max() > _ROUNDING:
                 total += shadow.area_below(cut) * aside
-        for layers, facets in group_by_slope(surface.triangles, plan):
-            assert plan.contour_rule is not None
-            heights = bottom[layers], cut[layers], top[layers]
-            total[layers] += compute_volume_changes(facets, plan.contour_rule, *heights)
+        total += _compute_contour_changes(surface, plan)
         return np.maximum(total, 0)
     height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
     added = (
@@ -374,6 +381,8 @@ def _find_worst_layer(
         kind = "top" if missing > 0 else "none"
         return WorstLayer(plan.n_layers, surface.height, float(x), float(y), kind, max(missing, 0.0))
     if contoured[layer] > max(rising[layer], falling[layer]):
+        from printer_slicer.surface.contoured_tops import find_steepest_facet  # noqa: PLC0415 - off by default
+
         facet = find_steepest_facet(surface.triangles, plan, layer)
         x, y, z = surface.triangles[facet].mean(axis=0).tolist()
         return WorstLayer(layer + 1, min(max(z, bottom), top), x, y, "contoured facet", float(bound[layer]))
