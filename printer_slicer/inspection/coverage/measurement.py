@@ -158,17 +158,12 @@ def coverage_of(
     of_part, astray = _classify_extrusions(stack, sections, beside)
     depth = shell_depth(stack, sections) if rules.shell is None else rules.shell
     open_to_air = _find_exposed_areas(stack, sections, rules.surface_depth)
-    # A turn of a spiral vase is only a wall, without top, bottom and infill.
-    open_to_air = open_to_air.of_layers(~stack.has_rising_z)
-    core = difference(offset(sections, -depth), open_to_air)
-    shell = difference(sections, core)
+    shell = difference(sections, difference(offset(sections, -depth), open_to_air))
     split_stack, source = split_thick_extrusions(stack)
     covered = footprint(split_stack, of_part[source])
-    body = printed_body(
-        covered, difference(offset(sections, -0.75 * depth), open_to_air), sections, depth / 4
-    )
+    inside = difference(offset(sections, -0.75 * depth), open_to_air)
+    body = printed_body(covered, inside, sections, depth / 4)
     inner, area_to_fill = _areas_inside_shell(sections, stack, depth, open_to_air)
-    split_of_part, volume = of_part[source], split_stack.beads.volume
     return Coverage(
         rules=rules,
         stack=stack,
@@ -183,13 +178,22 @@ def coverage_of(
         outline=_measure_outline(sections, body, stack, rules),
         fill=measure_fill(stack, of_part, inner, area_to_fill, rules.overlap_ratio),
         unsupported=_find_unsupported(stack, sections, rules.gaps),
-        volume=np.bincount(split_stack.layer[split_of_part], volume[split_of_part], stack.n_layers).astype(
-            np.float64
-        ),
+        volume=_sum_by_layer(split_stack, of_part[source]),
         section_volume=sections.area() * stack.height - _volume_above_contours(stack, of_part),
-        by_purpose=np.bincount(split_stack.beads.purpose, volume, len(Purpose)).astype(np.float64),
+        by_purpose=_sum_by_purpose(split_stack.beads),
         surface=measure_surface_errors(parts, stack, of_part) if parts else None,
     )
+
+
+def _sum_by_layer(stack: Stack, of_part: Bool) -> Float:
+    """Return the volume (L,) of the extrusions of the part in each layer, mm³."""
+    volume = np.bincount(stack.layer[of_part], stack.beads.volume[of_part], stack.n_layers)
+    return np.asarray(volume, np.float64)
+
+
+def _sum_by_purpose(beads: Extrusions) -> Float:
+    """Return the volume (P,) of the extrusions of each purpose, mm³."""
+    return np.bincount(beads.purpose, beads.volume, len(Purpose)).astype(np.float64)
 
 
 def _volume_above_contours(stack: Stack, of_part: Bool) -> Float:
@@ -217,7 +221,8 @@ def _find_exposed_areas(stack: Stack, sections: Areas, surface_depth: float) -> 
         bottom = np.concatenate([low[:before], stack.bottom[own], high[:after]])
         areas = exposed_areas(around.on_layers(number, len(top)), top, bottom, surface_depth)
         exposed.append(areas.copy_layers(here).on_layers(own, stack.n_layers))
-    return Areas.merged(exposed)
+    # A turn of a spiral vase is only a wall, without top, bottom and infill.
+    return Areas.merged(exposed).of_layers(~stack.has_rising_z)
 
 
 def _find_unsupported(stack: Stack, sections: Areas, gaps: SupportGaps) -> tuple[UnsupportedExtrusion, ...]:

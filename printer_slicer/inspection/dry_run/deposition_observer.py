@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from array import array
-from typing import Final
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from printer_slicer.profile import Profile
 from printer_slicer.sim.move_log import COLUMNS, MoveLog
 
 __all__ = ["DepositionObserver"]
-
-_NOZZLE_FLAT: Final = 2.5  # nozzle diameters, diameter of the level underside of a nozzle
 
 
 class DepositionObserver:
@@ -43,7 +40,7 @@ class DepositionObserver:
             profile.max_flow,
             marks_of(job.commands, job.text, job.marks, job.roles, SupportGaps.of(profile)),
             profile.printer.head_shapes,
-            nozzle_flat=_NOZZLE_FLAT * profile.printer.nozzle_diameter,
+            nozzle_flat=profile.printer.nozzle_flat,
         )
 
     def finish(self) -> Deposition:
