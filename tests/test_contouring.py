@@ -116,8 +116,8 @@ def test_beads_of_a_wedge_lie_beside_its_surface_by_half_of_their_width_at_most(
 
 @pytest.mark.parametrize(
     "mesh",
-    [box((12, 10, 2)), pyramid(12, 12), turned(box((8, 6, 3)))],
-    ids=["plate", "steep", "turned"],
+    [box((12, 10, 2)), box((12, 10, 2.0004)), pyramid(12, 12), turned(box((8, 6, 3)))],
+    ids=["plate", "rounded", "steep", "turned"],
 )
 def test_parts_without_shallow_tops_are_printed_as_ever(mesh: Mesh) -> None:
     flat, followed = (

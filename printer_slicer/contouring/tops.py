@@ -17,7 +17,8 @@ __all__ = ["BESIDE_RATIO", "Tops", "find_tops", "list_reached_layers"]
 
 BESIDE_RATIO: Final = 1.5
 """Beside followed surfaces may be surfaces up to this many times as steep."""
-_ROUNDING: Final = 1e-6  # mm
+_ROUNDING: Final = 1e-6  # of tangents
+_LEAST_REACH: Final = 0.005  # mm; a facet that reaches less far into a layer lies on its border
 
 
 class Tops(Struct, frozen=True, eq=False):
@@ -79,13 +80,13 @@ def list_reached_layers(
     beyond = margin * rule.width * steepest
     low, high = corners[..., 2].min(axis=1), corners[..., 2].max(axis=1)
     most = float(beyond.max())
-    first = np.searchsorted(plan.top, low - most + _ROUNDING, side="right")
+    first = np.searchsorted(plan.top, low - most, side="right")
     # Layers of different objects may overlap, so their bottoms need not ascend.
     last = np.searchsorted(plan.top, high + most + float(plan.height.max()), side="right")
     facet, place = expand_counts(np.maximum(last - first, 0))
     layer = first[facet] + place
-    reaches = plan.bottom[layer] - beyond[layer] < high[facet]
-    reaches &= plan.top[layer] + beyond[layer] > low[facet] + _ROUNDING
+    reaches = plan.bottom[layer] - beyond[layer] < high[facet] - _LEAST_REACH
+    reaches &= plan.top[layer] + beyond[layer] > low[facet] + _LEAST_REACH
     reaches &= slope[facet] <= BESIDE_RATIO * steepest[layer] + _ROUNDING
     facet, layer = facet[reaches], layer[reaches]
     order = np.argsort(layer, kind="stable")
