@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from printer_slicer.arrays import Float, Int, consecutive, distinct
-from printer_slicer.geometry import normalize, offset, union
+from printer_slicer.geometry import difference, intersection, normalize, offset, union
 from printer_slicer.model import Areas, LayerPlan, Sections, SupportPlan
 
 __all__ = ["find_blocked_areas", "find_gaps_above"]
 
 _ROUNDING = 1e-6  # mm
+_GENTLEST = 20.0  # degrees; on gentler upward slopes, beads have the part below them anyway
+_TREAD_GAP = 0.5  # of the gap above the part, the least above treads
 
 
 def find_blocked_areas(
@@ -25,14 +27,33 @@ def find_blocked_areas(
         z_gaps: (below, above) distance in z to the part, mm; the latter may be one for each support layer (S,).
         near_gap: distance sideways from layers of the part that are nearer than the gaps in z, mm.
     """
+    below, above = z_gaps
+    solid, core = sections.solid, _drop_treads(sections)
+    own, own_core = solid.find_first_equal_layers(), core.find_first_equal_layers()
     beside = _find_ranges(sections, layers, (0.0, 0.0))
-    near = _find_ranges(sections, layers, z_gaps)
-    own = sections.solid.find_first_equal_layers()
-    chosen, entry = _find_different_entries(own, beside, near)
-    areas = offset(_unite_ranges(sections.solid, own, beside[chosen]), xy_gap)
+    near = _find_ranges(sections, layers, (_TREAD_GAP * below, above))
+    under = _find_ranges(sections, layers, (below, 0.0))
+    chosen, entry = _find_different_entries((own_core, beside), (own, near), (own_core, under))
+    areas = offset(_unite_ranges(core, own_core, beside[chosen]), xy_gap)
     if any(map(np.any, z_gaps)):
-        areas = union(areas, offset(_unite_ranges(sections.solid, own, near[chosen]), near_gap))
+        found = _unite_ranges(solid, own, near[chosen]).merge(_unite_ranges(core, own_core, under[chosen]))
+        areas = union(areas, offset(normalize(found), near_gap))
     return areas.copy_layers(entry)
+
+
+def _drop_treads(sections: Sections) -> Areas:
+    """Return the sections without the treads of upward slopes: strips beside the section above.
+
+    Supports stand on slopes only if they come near them, because a bead needs the part below half of its width.
+    """
+    solid, plan = sections.solid, sections.plan
+    above = solid.shift_layers(-1)
+    outside = difference(solid, above)
+    if not outside.n_rings:
+        return solid
+    widest = np.diff(plan.cut, append=plan.cut[-1]) / np.tan(np.deg2rad(_GENTLEST))
+    treads = intersection(outside, offset(above.of_layers(outside.used), widest))
+    return difference(solid, treads)
 
 
 def find_gaps_above(plan: SupportPlan, gap: float) -> Float:
@@ -51,14 +72,15 @@ def _find_ranges(sections: Sections, layers: LayerPlan, z_gaps: tuple[float, flo
     return np.stack([first, np.maximum(last, first)], axis=1).astype(np.int64)
 
 
-def _find_different_entries(own: Int, beside: Int, near: Int) -> tuple[Int, Int]:
+def _find_different_entries(*cases: tuple[Int, Int]) -> tuple[Int, Int]:
     """Return support layers (E,) of which no two have the same part layers, and the entry (S,) for each layer.
 
-    `own` (L,) is the first part layer with the same section.
+    Args:
+        cases: the first part layer (L,) with the same section, and ranges (S, 2) of part layers, of each stack.
     """
-    seen, chosen, entry = dict[tuple[bytes, bytes], int](), list[int](), list[int]()
-    for layer, ranges in enumerate(np.concatenate([beside, near], axis=1).tolist()):
-        key = distinct(own[ranges[0] : ranges[1]]).tobytes(), distinct(own[ranges[2] : ranges[3]]).tobytes()
+    seen, chosen, entry = dict[tuple[bytes, ...], int](), list[int](), list[int]()
+    for layer in range(len(cases[0][1])):
+        key = tuple(distinct(own[slice(*ranges[layer].tolist())]).tobytes() for own, ranges in cases)
         if key not in seen:
             seen[key] = len(chosen)
             chosen.append(layer)

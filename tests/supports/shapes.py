@@ -19,6 +19,7 @@ __all__ = [
     "ramp_in_a_room",
     "round_body",
     "shelf_and_arm",
+    "slope_under_a_ceiling",
     "sphere_on_bed",
     "table",
     "tee",
@@ -125,3 +126,16 @@ def ramp_in_a_room() -> Mesh:
     ramp = Mesh(loft([low, low * (0.01, 1.0)], [0.0, 12.0]), "ramp")
     walls = [box(size, at) for size, at in _WALLS]
     return joined([ramp, *walls, box((22.0, 22.0, 3.0), (-1.0, -1.0, 20.0))], "ramp_in_a_room")
+
+
+@cache
+def slope_under_a_ceiling(degrees: float) -> Mesh:
+    """A slope that falls towards a wall, and a ceiling of 120 mm² at the wall that hangs over it."""
+    rise = 10 * float(np.tan(np.deg2rad(degrees)))
+    low, high = rise + 5, rise + 12
+    rings: list[Float] = [
+        np.array([(0, 0), (10.5, 0), (10.5, 1), (0, 1.3 + rise)], np.float64),
+        np.array([(10, 0), (13, 0), (13, high), (10, high)], np.float64),
+        np.array([(0, low + 4), (10.5, low), (10.5, high), (0, high)], np.float64),
+    ]
+    return joined([Mesh(loft([one, one], [0.0, 12.0])[:, :, [2, 0, 1]], "prism") for one in rings], "slope")

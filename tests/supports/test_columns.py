@@ -7,6 +7,8 @@ import pytest
 
 from printer_slicer.geometry import difference, intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Supports
+from printer_slicer.pipeline import slice_stages
+from printer_slicer.profile import load_profile
 from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.support_layers import plan_shared_layers
 from printer_slicer.supports.support_paths import make_support_paths
@@ -14,7 +16,15 @@ from printer_slicer.supports.upward_faces import find_upward_faces
 from printer_slicer.values import replace
 from tests.parts import box, joined
 from tests.supports.by_stages import columns_of, prepared
-from tests.supports.shapes import bracket, hook, mushroom, round_body, sphere_on_bed, tee
+from tests.supports.shapes import (
+    bracket,
+    hook,
+    mushroom,
+    round_body,
+    slope_under_a_ceiling,
+    sphere_on_bed,
+    tee,
+)
 
 PARTS = {"tee": tee, "hook": hook, "sphere": sphere_on_bed, "mushroom": mushroom, "bracket": bracket}
 
@@ -90,6 +100,27 @@ def test_columns_go_down_to_the_bed_or_the_part() -> None:
     assert difference(areas, areas.shift_layers(1)).area()[1:].max() < 1e-3
     assert not onto_part.area.used[0]
     assert onto_part.floor.used.sum() == 1
+
+
+@pytest.mark.parametrize(("degrees", "height"), [(25.0, 0.2), (30.0, 0.2), (30.0, 0.12), (35.0, 0.15)])
+def test_columns_stand_on_slopes(degrees: float, height: float) -> None:
+    profile = load_profile(quality="standard", changes={"support": "columns", "layer_height": height})
+    supports = slice_stages(slope_under_a_ceiling(degrees), profile).supports
+
+    assert supports is not None
+    assert sum(place.area for place in supports.unsupported) < 8
+
+
+@pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0])
+def test_columns_on_slopes_keep_half_of_the_gap(degrees: float) -> None:
+    supports, sections, profile = columns_of(slope_under_a_ceiling(degrees))
+    plan, gap = supports.plan.layers, profile.quality.support_bottom_gap / 2
+
+    own, part = np.nonzero(
+        (plan.top[:, None] > sections.plan.bottom + 1e-6)
+        & (plan.bottom[:, None] < sections.plan.top + gap - 1e-6)
+    )
+    assert intersection(supports.area.copy_layers(own), sections.solid.copy_layers(part)).area().max() < 1e-3
 
 
 @pytest.mark.parametrize("gap", [0.2, 0.13])
