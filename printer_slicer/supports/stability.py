@@ -22,11 +22,29 @@ from printer_slicer.supports.unsupported_beads import (
 )
 from printer_slicer.values import Struct, replace
 
-__all__ = ["StableSupports", "check_stability"]
+__all__ = ["StableSupports", "check_stability", "lean_columns"]
 
 _ROUNDS: Final = 2  # of upright columns under unsupported beads, and then of leaning ones
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
 _AREAS: Final = ("base", "interface", "floor", "joists", "hollow")
+
+
+class _CarriedBeads(Struct, frozen=True, eq=False):
+    """Supports with columns under unsupported beads, before what still hangs is removed.
+
+    Attributes:
+        supports: areas by support layer.
+        paths: the beads.
+        suspect: (S,) layers in which beads may hang.
+        cut: (n, 3) places of short ends that were removed before, mm.
+        complete: whether nothing hangs that an overhang needs.
+    """
+
+    supports: Supports
+    paths: Toolpaths
+    suspect: Bool
+    cut: Float
+    complete: bool
 
 
 class StableSupports(Struct, frozen=True, eq=False):
@@ -36,11 +54,13 @@ class StableSupports(Struct, frozen=True, eq=False):
         supports: areas by support layer.
         paths: the beads.
         removed: (n, 3) places of beads that were removed because nothing was below them, mm.
+        carried: with what was removed, if columns were added.
     """
 
     supports: Supports
     paths: Toolpaths
     removed: Float
+    carried: _CarriedBeads | None = None
 
 
 def check_stability(
@@ -49,8 +69,6 @@ def check_stability(
     overhangs: Overhangs,
     sections: Sections,
     profile: Profile,
-    *,
-    leans: bool = False,
 ) -> StableSupports:
     """Return supports in which each bead lies on the bed, on the part or on supported beads.
 
@@ -64,7 +82,6 @@ def check_stability(
         overhangs: areas that need supports.
         sections: the part, all objects.
         profile: gaps and spacings of supports.
-        leans: whether columns lean beside steep slopes where upright ones do not stand.
     """
     cut = np.zeros((0, 3))
     if not paths.n_paths:
@@ -84,14 +101,42 @@ def check_stability(
         samples, large = _find_unsupported(paths, column_rules, suspect)
     if large.any():
         above = np.arange(paths.plan.n_layers) >= paths.layer[samples.path[large]].min()
-        case = overhangs, sections, profile
-        supports, paths, changed = _carry(supports, paths, case, column_rules, above, leans=leans)
-        suspect |= changed
-    paths, removed = _remove(paths, rules, suspect)
+        before = _CarriedBeads(supports, paths, suspect, cut, complete=False)
+        return _remove_hanging(
+            _carry(before, above, (overhangs, sections, profile), column_rules, leans=False), rules
+        )
+    rest, removed = _remove(paths, rules, suspect)
     all_removed = np.concatenate([cut, removed])
-    if large.any() or len(removed):
-        supports = _drop_empty_areas(supports, paths, all_removed)
-    return StableSupports(supports, paths, all_removed)
+    if len(removed):
+        supports = _drop_empty_areas(supports, rest, all_removed)
+    return StableSupports(supports, rest, all_removed)
+
+
+def lean_columns(
+    standing: StableSupports, overhangs: Overhangs, sections: Sections, profile: Profile
+) -> StableSupports:
+    """Return supports with columns that lean beside steep slopes, where upright ones do not stand.
+
+    Args:
+        standing: result of `check_stability` for the other arguments; the same is returned if nothing leans.
+        overhangs: areas that need supports.
+        sections: the part, all objects.
+        profile: gaps and spacings of supports.
+    """
+    carried = standing.carried
+    if carried is None or carried.complete:
+        return standing
+    rules = SpanRules.of(sections, carried.paths.plan, profile.quality)
+    case = overhangs, sections, profile
+    return _remove_hanging(_carry(carried, carried.suspect, case, rules.for_columns(), leans=True), rules)
+
+
+def _remove_hanging(carried: _CarriedBeads, rules: SpanRules) -> StableSupports:
+    """Return the supports without the beads that still hang."""
+    paths, removed = _remove(carried.paths, rules, carried.suspect)
+    all_removed = np.concatenate([carried.cut, removed])
+    supports = _drop_empty_areas(carried.supports, paths, all_removed)
+    return StableSupports(supports, paths, all_removed, carried)
 
 
 def _find_unsupported(paths: Toolpaths, rules: SpanRules, suspect: Bool) -> tuple[BeadSamples, Bool]:
@@ -129,38 +174,38 @@ def _list_places(samples: BeadSamples, paths: Toolpaths, some: Bool) -> Float:
 
 
 def _carry(
-    supports: Supports,
-    paths: Toolpaths,
+    before: _CarriedBeads,
+    suspect: Bool,
     made_for: tuple[Overhangs, Sections, Profile],
     rules: SpanRules,
-    suspect: Bool,
     *,
     leans: bool,
-) -> tuple[Supports, Toolpaths, Bool]:
-    """Put columns under unsupported beads that are needed; return all areas and beads.
+) -> _CarriedBeads:
+    """Put columns under unsupported beads that are needed.
 
-    Beads hang only in layers of a mask (S,). The last result is that mask, with the layers of the new beads.
+    Beads hang only in layers of a mask (S,).
     """
     overhangs, sections, profile = made_for
-    quality, layers = profile.quality, supports.plan.layers
-    blocked = None
-    for turn in range(2 * _ROUNDS if leans else _ROUNDS):
+    supports, paths, layers = before.supports, before.paths, before.supports.plan.layers
+    blocked, complete = None, False
+    for _ in range(_ROUNDS):
         samples, hanging = _find_unsupported(paths, rules, suspect)
         kept = remove_unsupported(samples, paths, hanging, rules)
         lost = np.zeros(layers.n_layers, np.bool_)
         lost[paths.layer[samples.path[~kept]]] = True
         contacts = find_contact_areas(overhangs, supports.plan, lost)
         hanging &= find_needed_paths(samples, paths, kept, contacts)[samples.path]
-        if not hanging.any():
+        complete = not hanging.any()
+        if complete:
             break
-        blocked = blocked or _find_blocked(sections, layers, quality)
-        made = add_columns(samples, paths, hanging, blocked, rules, leans=turn >= _ROUNDS)
+        blocked = blocked or _find_blocked(sections, layers, profile.quality)
+        made = add_columns(samples, paths, hanging, blocked, rules, leans=leans)
         if not made.paths.n_paths:
-            continue
+            break  # the next round would be the same
         paths = Toolpaths.joined(layers, [_cut_replaced(paths, made.replaced), made.paths])
         supports = replace(supports, base=union(supports.base, made.area))
         suspect = suspect | np.isin(np.arange(layers.n_layers), made.paths.layer)
-    return supports, paths, suspect
+    return _CarriedBeads(supports, paths, before.suspect | suspect, before.cut, complete)
 
 
 def _cut_replaced(paths: Toolpaths, replaced: Areas) -> Toolpaths:

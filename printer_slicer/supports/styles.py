@@ -22,7 +22,7 @@ from printer_slicer.profile import Profile
 from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.edge_rows import add_edge_rows
 from printer_slicer.supports.patch_groups import PatchGroups, group_patches
-from printer_slicer.supports.stability import check_stability
+from printer_slicer.supports.stability import StableSupports, check_stability, lean_columns
 from printer_slicer.supports.stacking import make_obstacles
 from printer_slicer.supports.support_layers import list_places_without_room
 from printer_slicer.supports.support_paths import make_support_paths
@@ -97,17 +97,18 @@ def _remove_unsupported(
     paths = made[0].paths if len(made) == 1 else Toolpaths.joined(plan.layers, [one.paths for one in made])
     known = (*supports.unsupported, *list_places_without_room(overhangs, plan))
 
-    def check(*, leans: bool) -> PrintedSupports:
-        """Return the supports that stand, if added columns may lean or not."""
-        standing = check_stability(supports, paths, overhangs, sections, profile, leans=leans)
+    def compare(standing: StableSupports) -> PrintedSupports:
+        """Return the supports that stand, with the unsupported places."""
         reasons = UnsupportedReasons(known, standing.removed)
         bare = list_unsupported_places(overhangs, standing.paths, sections, profile, reasons)
         return PrintedSupports(replace(standing.supports, unsupported=bare), standing.paths)
 
-    upright = check(leans=False)
+    standing = check_stability(supports, paths, overhangs, sections, profile)
+    upright = compare(standing)
     if _measure_unsupported(upright) < _BARE_AREA:
         return upright
-    return min(upright, check(leans=True), key=_measure_unsupported)
+    leaning = lean_columns(standing, overhangs, sections, profile)
+    return upright if leaning is standing else min(upright, compare(leaning), key=_measure_unsupported)
 
 
 def _measure_unsupported(made: PrintedSupports) -> float:
