@@ -253,7 +253,8 @@ def _reach(grid: Grid, cell: Int) -> float:
     i, j = np.divmod(cell, grid.shape[1])
     flags = np.zeros((np.ptp(i) + 3, np.ptp(j) + 3), np.bool_)
     flags[i - i.min() + 1, j - j.min() + 1] = True
-    return float(ndimage.distance_transform_edt(flags).max()) * _CELL
+    # The transform measures to the middles of cells outside, half a cell beyond the edge.
+    return (float(ndimage.distance_transform_edt(flags).max()) - 0.5) * _CELL
 
 
 def _levels(members: Int, z: Float) -> list[Int]:

@@ -119,6 +119,13 @@ def test_bridges_between_two_ends_do_not_count_up_to_their_longest_span() -> Non
     assert find_overhang(Solid.of(tee(arm=9.0)), 40, 10).area == pytest.approx(180, rel=0.02)
 
 
+@pytest.mark.parametrize(("width", "area"), [(0.9, 0), (1.3, 26)])
+def test_patches_into_which_no_circle_fits_do_not_count(width: float, area: float) -> None:
+    shelf = joined([box((30.0, 10.0, 20.0)), box((20.0, width, 2.0), (0.0, 10.0, 18.0))], "shelf")
+
+    assert find_overhang(Solid.of(shelf), 40, 10).area == pytest.approx(area, abs=2)
+
+
 def test_turning_a_part_about_z_changes_nothing() -> None:
     areas = [find_overhang(Solid.of(turned(mushroom(10, 10), (0, 0, a))), 40, 10).area for a in (0, 17, 45)]
 
