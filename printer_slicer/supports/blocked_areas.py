@@ -28,7 +28,7 @@ def find_blocked_areas(
         near_gap: distance sideways from layers of the part that are nearer than the gaps in z, mm.
     """
     below, above = z_gaps
-    solid, core = sections.solid, _drop_treads(sections)
+    solid, core = sections.solid, _drop_treads(sections, float(layers.top[-1]))
     own, own_core = solid.find_first_equal_layers(), core.find_first_equal_layers()
     beside = _find_ranges(sections, layers, (0.0, 0.0))
     near = _find_ranges(sections, layers, (_TREAD_GAP * below, above))
@@ -41,19 +41,21 @@ def find_blocked_areas(
     return areas.copy_layers(entry)
 
 
-def _drop_treads(sections: Sections) -> Areas:
-    """Return the sections without the treads of upward slopes: strips beside the section above.
+def _drop_treads(sections: Sections, highest: float) -> Areas:
+    """Return the sections up to a height, mm, without the treads of upward slopes: strips beside the section above.
 
     Supports stand on slopes only if they come near them, because a bead needs the part below half of its width.
     """
     solid, plan = sections.solid, sections.plan
-    above = solid.shift_layers(-1)
-    outside = difference(solid, above)
+    own = solid.find_first_equal_layers()
+    differs = np.append(own[1:] != own[:-1], False) & (plan.bottom < highest)
+    lower, upper = solid.of_layers(differs), solid.shift_layers(-1).of_layers(differs)
+    outside = difference(lower, upper)
     if not outside.n_rings:
         return solid
     widest = np.diff(plan.cut, append=plan.cut[-1]) / np.tan(np.deg2rad(_GENTLEST))
-    treads = intersection(outside, offset(above.of_layers(outside.used), widest))
-    return difference(solid, treads)
+    treads = intersection(outside, offset(upper.of_layers(outside.used), widest))
+    return difference(lower, treads).merge(solid.of_layers(~differs))
 
 
 def find_gaps_above(plan: SupportPlan, gap: float) -> Float:
