@@ -1,7 +1,7 @@
 """Extend the sections of a part to what contoured extrusions fill: the surface below the middle of a layer.
 
 A slicer that plans for contoured tops extends its layers on slopes up to an angle. So slopes are divided into classes,
-and a class counts if contoured extrusions cover most of its surface.
+and a class counts if contoured extrusions cover most of its surface. Layers without any contoured extrusion are level.
 """
 
 from __future__ import annotations
@@ -54,10 +54,13 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
     if not contoured.any():
         return sections
     printed = footprint(stack, contoured)
+    has_contours = np.zeros(stack.n_layers, np.bool_)
+    has_contours[stack.layer[contoured]] = True
     beads = stack.beads.take(contoured)
     width, least = weighted_median(beads.width, beads.length), find_least_height(stack)
     for one in range(_N_CLASSES):
-        slope = difference(_project_class(parts, stack, one, (width, least)), sections)
+        slope = _project_class(parts, stack, one, (width, least)).of_layers(has_contours)
+        slope = difference(slope, sections)
         area = float(slope.area().sum())
         if area > 0 and intersection(slope, printed).area().sum() > _MIN_COVERED * area:
             sections = close_gaps(union(sections, slope), _MAX_GAP / 2)
