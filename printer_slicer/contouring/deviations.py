@@ -8,6 +8,7 @@ import numpy as np
 
 from printer_slicer.arrays import Float, Int
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
+from printer_slicer.contouring.paths import find_paths_near
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
 from printer_slicer.model import ContourDeviations, ContourRule, Sections, Toolpaths
 from printer_slicer.roles import roles_with
@@ -36,6 +37,7 @@ def measure_deviations(
     has_tops = np.zeros(plan.n_layers, np.bool_)
     has_tops[bins.tops.layer[bins.tops.followed]] = True
     chosen = np.flatnonzero(has_tops[paths.layer] & roles_with(is_part=True)[paths.role])
+    chosen = np.flatnonzero(find_paths_near(paths, chosen, bins))
     for batch in split_by_length(paths, chosen, _SPACING):
         _measure_paths(paths.take(batch), bins, sections, rule, found)
     return found

@@ -24,7 +24,7 @@ from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.roles import Role
 from printer_slicer.values import replace
 
-__all__ = ["contour", "find_contoured_paths"]
+__all__ = ["contour", "find_contoured_paths", "find_paths_near"]
 
 _SPACING: Final = 0.25  # mm, maximum distance of the points at which the height of the surface is found
 _COARSE_SPACING: Final = 0.5  # mm, of the points at which surfaces are searched for
@@ -42,8 +42,12 @@ _CONTOURED_ROLES: Final = (
 
 def find_contoured_paths(paths: Toolpaths, bins: FacetBins) -> Bool:
     """Return a mask (M,) of the paths that may be contoured: those that come near a shallow upper surface."""
+    return find_paths_near(paths, np.flatnonzero(_may_be_contoured(paths, bins)), bins)
+
+
+def find_paths_near(paths: Toolpaths, candidates: Int, bins: FacetBins) -> Bool:
+    """Return a mask (M,) of those of some paths (n,) that come near a surface that extrusions follow."""
     result = np.zeros(paths.n_paths, np.bool_)
-    candidates = np.flatnonzero(_may_be_contoured(paths, bins))
     for batch in split_by_length(paths, candidates, _COARSE_SPACING):
         some = paths.take(batch)
         fine = FinePoints.of(some, _COARSE_SPACING)
