@@ -18,7 +18,9 @@ async function readEmbeddedPreview(element) {
   const parts = [];
   for (let begin = 0; begin < text.length; begin += CHARACTERS_PER_TASK) {
     const binary = atob(text.slice(begin, begin + CHARACTERS_PER_TASK));
-    parts.push(Uint8Array.from(binary, (letter) => letter.charCodeAt(0)));
+    const part = new Uint8Array(binary.length);
+    for (let index = 0; index < part.length; index += 1) part[index] = binary.charCodeAt(index);
+    parts.push(part);
     await pause();
   }
   const stream = new Blob(parts).stream().pipeThrough(new DecompressionStream("gzip"));
