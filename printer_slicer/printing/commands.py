@@ -8,7 +8,7 @@ speed PERCENT, flow PERCENT   set speed or flow in percent of the values in the 
 nozzle C, bed C               set a target temperature, °C
 fan PERCENT                   set the part fan
 babystep MM                   move the nozzle up, or down if negative
-say COMMAND                   send one line of G-code
+say COMMAND                   send one line of G-code; while the print runs, none that moves the printer
 answer N                      press a button of the printer's prompt
 status                        show the state of the print
 """
@@ -175,6 +175,13 @@ def _make_text_parser(build: Callable[[str], PrintCommand], expected: str) -> Ca
     return parse
 
 
+def _parse_say(rest: str) -> PrintCommand:
+    """Parse a line of G-code; M112 is an emergency stop, which does not wait for the lines before it."""
+    if rest.upper() == "M112":
+        return Abort()
+    return _make_text_parser(Say, "a line of G-code")(rest)
+
+
 def _make_number_parser(
     build: Callable[[float], PrintCommand], low: float, high: float, unit: str, example: float
 ) -> Callable[[str], PrintCommand]:
@@ -209,7 +216,7 @@ COMMAND_PARSERS: Final[Mapping[str, Callable[[str], PrintCommand]]] = {
     "abort": lambda _: Abort(),  # whatever follows: an emergency stop must not fail because of it
     "status": _make_parser_without_argument(Status),
     "object": _make_text_parser(CancelObject, "the name or number of an object on the plate"),
-    "say": _make_text_parser(Say, "a line of G-code"),
+    "say": _parse_say,
     "speed": _make_number_parser(Speed, 10, 500, "%", 80),
     "flow": _make_number_parser(Flow, 10, 300, "%", 95),
     "fan": _make_number_parser(SetFan, 0, 100, "%", 50),

@@ -17,7 +17,7 @@ from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse, strip
 from printer_slicer.gcode.state import ModalState
 from printer_slicer.printing import commands
-from printer_slicer.printing.command_gcode import GCODE_COMMANDS, format_command
+from printer_slicer.printing.command_gcode import GCODE_COMMANDS, changes_position, format_command
 from printer_slicer.printing.commands import PrintCommand
 from printer_slicer.printing.host_settings import HostSettings
 from printer_slicer.printing.journal import Journal
@@ -417,6 +417,11 @@ class PrintController:
 
     def _on_gcode_command(self, command: Any) -> str:
         """Send the G-code of a command, and remember the value that it sets."""
+        if isinstance(command, commands.Say) and not self._allows_moves and changes_position(command.gcode):
+            raise UsageError(
+                f"{command.gcode}: moves the printer or changes its coordinates, which would spoil the print",
+                remedy="Pause the print without 'here', send the command, then resume: the nozzle returns",
+            )
         answer = self._inject_user_command(format_command(command, self._setup.firmware, self._identity))
         if isinstance(command, commands.Speed):
             self.speed = command.percent
@@ -457,6 +462,14 @@ class PrintController:
     def _is_printing(self) -> bool:
         """Return whether the job is being sent and no other phase is active."""
         return self.phase is PrintPhase.RUNNING and self._streamer.state is State.STREAMING
+
+    @property
+    def _allows_moves(self) -> bool:
+        """Return whether the print is paused, and the position is restored when it is resumed."""
+        if self.phase is PrintPhase.PAUSED:
+            return self.parked is not None and self.parked.park
+        is_paused_by_printer = self._streamer.state is State.PAUSED
+        return self.phase is PrintPhase.RUNNING and is_paused_by_printer
 
     # Requests of the printer.
 

@@ -120,6 +120,46 @@ def test_a_policy_may_refuse_what_a_person_types() -> None:
     assert "M500" not in rig.executed
 
 
+@pytest.mark.parametrize(
+    "gcode", ["G28", "g28 X Y", "N5 G1 X0 ; home", "G91", "M83", "G92 E0", "G20", "G10", "T1", "M84"]
+)
+def test_a_typed_command_that_changes_the_position_is_rejected_while_the_print_runs(gcode: str) -> None:
+    rig = run_with(Rig(LINES), {100: commands.Say(gcode)})
+
+    assert isinstance(rig.answers[0], UsageError)
+    assert "Pause the print" in rig.answers[0].remedy
+    assert rig.of_job() == LINES.split("\n")[:-1]
+
+
+@pytest.mark.parametrize("gcode", ["M117 G28", "M106 S9", "G10 P0 S200", "M114", 'M98 P"beep.g"', "BEEP"])
+def test_a_typed_command_that_keeps_the_position_is_sent_while_the_print_runs(gcode: str) -> None:
+    rig = run_with(Rig(LINES), {100: commands.Say(gcode)})
+
+    assert rig.answers == [f"sent {gcode}"]
+
+
+@pytest.mark.parametrize("park", [True, False])
+def test_a_typed_move_is_sent_in_a_pause_whose_end_restores_the_position(park: bool) -> None:
+    rig = Rig(tower(6))
+    rig.connect()
+    steps = iter((commands.Say("G28 X Y"), commands.Resume()))
+
+    def turn(_: float) -> None:
+        if rig.streamer.acknowledged == 60 and not rig.answers:
+            rig.submit(commands.Pause(park=park))
+        elif rig.controller.phase is PrintPhase.PAUSED and (step := next(steps, None)) is not None:
+            rig.submit(step)
+
+    rig.run(turn)
+
+    assert isinstance(rig.answers[1], str if park else UsageError)
+    assert ("G28 X Y" in rig.executed) == park
+
+
+def test_an_emergency_stop_that_is_typed_as_gcode_is_an_emergency_stop() -> None:
+    assert commands.parse_command("say m112") == commands.Abort()
+
+
 def test_an_emergency_stop_goes_out_with_a_full_window_and_a_full_planner() -> None:
     rig = run_with(Rig(LINES), {100: commands.Abort()})
 
