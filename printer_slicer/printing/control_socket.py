@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from printer_slicer.printing.controls import Controls
     from printer_slicer.printing.status_feed import StatusFeed
 
-__all__ = ["connect_to_print", "send_control_command", "serve_control_socket"]
+__all__ = ["connect_to_print", "raise_if_rejected", "send_control_command", "serve_control_socket"]
 
 _ADDRESS_FILE = "control.json"
 _MAX_CHUNK_BYTES = 4096
@@ -195,6 +195,17 @@ def send_control_command(folder: Path, line: str, timeout: float = _TIMEOUT) -> 
         raise _make_timeout_error(timeout) from None
     except (OSError, ValueError) as error:
         raise _make_connection_error(error) from None
+
+
+def raise_if_rejected(answer: dict[str, Any]) -> None:
+    """Raise the error that a print has answered, if it has not carried out the command.
+
+    Raises:
+        UsageError: the print has rejected the command.
+    """
+    if not answer["ok"]:
+        message, _, remedy = str(answer["answer"]).partition("\n  ")
+        raise UsageError(message, remedy=remedy)
 
 
 def connect_to_print(folder: Path, line: str, timeout: float = _TIMEOUT) -> socket.socket:

@@ -30,7 +30,15 @@ from printer_slicer.version import VERSION
 __all__ = ["OCTOPRINT_ROUTES"]
 
 _VERSION: Final = "1.11.0"  # of the interface that is imitated
-_MOST_COMMANDS: Final = 50  # of one request
+_MAX_COMMANDS: Final = 50  # of one request
+_STATES: Final = {
+    "stopping": "Pausing",
+    "parking": "Pausing",
+    "paused": "Paused",
+    "returning": "Resuming",
+    "cancelling": "Cancelling",
+}
+"""OctoPrint's names for the states of a print; all others are `Printing`."""
 _COMMANDS: Final = {"cancel": "cancel", "pause": "pause", "resume": "resume"}
 
 
@@ -104,14 +112,14 @@ def _describe_state(target: Target) -> dict[str, Any]:
     """Return the state of the printer in OctoPrint's words."""
     state = str(target.status.get("state", ""))
     paused, printing = state == "paused", target.printer.job is not None
-    text = "Paused" if paused else "Printing" if printing else "Operational"
+    text = _STATES.get(state, "Printing") if printing else "Operational"
     flags = {
         "operational": True,
         "printing": printing and not paused,
         "paused": paused,
-        "pausing": state == "parking",
-        "resuming": False,
-        "cancelling": state in {"cancelling", "stopping"},
+        "pausing": text == "Pausing",
+        "resuming": text == "Resuming",
+        "cancelling": text == "Cancelling",
         "finishing": False,
         "sdReady": False,
         "error": False,
@@ -183,7 +191,7 @@ def _describe_job(target: Target) -> dict[str, Any]:
 
 
 def _change_print(request: Request, body: dict[str, Any]) -> None:
-    """Carry out a command about the print."""
+    """Pause, resume or cancel the print."""
     target = find_target(request)
     target.access.require("control", target.printer.name)
     command, action = str(body.get("command", "")), str(body.get("action") or "toggle")
@@ -194,7 +202,7 @@ def _change_print(request: Request, body: dict[str, Any]) -> None:
     if command not in _COMMANDS:
         raise ProblemError(
             409,
-            f"command {command[:40]!r} is not possible here",
+            f"the command {command[:40]!r} is not supported",
             "Start jobs in the queue; see printer-slicer queue",
         )
     if command == "cancel" and target.printer.job is not None:
@@ -209,10 +217,11 @@ def _send_gcode(request: Request, body: dict[str, Any]) -> None:
     target.access.require("control", target.printer.name)
     commands = body.get("commands", [body.get("command")])
     if not isinstance(commands, list) or not all(isinstance(one, str) for one in commands):
-        raise ProblemError(400, "the body is no command", 'Send {"commands": ["..."]} as JSON')
-    for command in commands[:_MOST_COMMANDS]:
-        is_stop = command.strip().upper() == "M112"
-        target.services.send_command(target.printer.name, "abort" if is_stop else f"say {command}")
+        raise ProblemError(400, "the body contains no command", 'Send {"commands": ["..."]} as JSON')
+    if len(commands) > _MAX_COMMANDS:
+        raise ProblemError(400, f"more than {_MAX_COMMANDS} commands", "Send them in several requests")
+    for command in commands:
+        target.services.send_command(target.printer.name, f"say {command}")
 
 
 def _connect(request: Request, body: dict[str, Any]) -> None:
@@ -220,7 +229,7 @@ def _connect(request: Request, body: dict[str, Any]) -> None:
     target = find_target(request)
     target.access.require("control", target.printer.name)
     if body.get("command") != "connect":
-        raise ProblemError(409, "the queue connects and disconnects by itself", "Send jobs")
+        raise ProblemError(409, "the queue opens and closes the port itself", "Add a job to print")
 
 
 def _make_routes(prefix: str) -> list[BaseRoute]:

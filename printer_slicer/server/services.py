@@ -7,10 +7,10 @@ from typing import Any
 
 from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.print_queue import PrintQueue
-from printer_slicer.printing.control_socket import send_control_command
+from printer_slicer.printing.control_socket import raise_if_rejected, send_control_command
 from printer_slicer.server.access import AccessStore
 from printer_slicer.server.guard import GuardSettings
-from printer_slicer.server.problems import ProblemError
+from printer_slicer.server.problems import ProblemError, make_problem_error
 from printer_slicer.server.slicing import Slicer
 from printer_slicer.server.temperatures import TemperatureHistory
 from printer_slicer.server.workers import FileReader
@@ -38,17 +38,16 @@ class Services:
         """Send a command to the print that runs on a printer, and return its answer.
 
         Raises:
-            ProblemError: nothing is printed, or the print does not answer or refuses.
+            ProblemError: nothing is printed, or the print does not answer or rejects the command.
         """
         runs = [run for run in self.queue.list_active_runs() if run.printer == printer]
         if not runs:
-            raise ProblemError(409, f"printer {printer} prints nothing", "Start a job first")
+            raise ProblemError(409, f"printer {printer} is not printing", "Start a job first")
         try:
             answer = send_control_command(self.job_store / runs[0].id, command)
+            raise_if_rejected(answer)
         except PrinterSlicerError as error:
-            raise ProblemError(409, str(error.args[0]), error.remedy) from None
-        if not answer.get("ok", True):
-            raise ProblemError(409, str(answer.get("answer", "the print refused the command")))
+            raise make_problem_error(error, 409) from None
         return answer
 
     def delete_file(self, file: str) -> None:

@@ -52,6 +52,7 @@ def test_gcode_needs_a_print_and_permission(server: ServerClient, access: Access
     path = f"{API}/printer/command"
     assert server.post(path, json={"commands": ["M117 x"]}).status_code == 409
     assert server.post(path, json={"commands": "M117 x"}).status_code == 400
+    assert server.post(path, json={"commands": ["M117 x"] * 51}).status_code == 400
     _, text = access.create_key("slicer", frozenset({"read", "upload", "print"}))
     assert server.post(path, json={"command": "M117"}, headers={"x-api-key": text}).status_code == 403
     assert server.post(f"{API}/connection", json={"command": "connect"}).status_code == 204

@@ -132,6 +132,9 @@ def test_an_app_sends_gcode_and_the_emergency_stop_during_a_print(live: LiveServ
         assert status_of(request(live, path, headers, b'{"command": "M117 hello"}')) == 204
         for refused in (b'{"commands": ["M104 S900"]}', b'{"command": "M117 a\\nM104 S200"}'):
             assert status_of(request(live, path, headers, refused)) == 409, refused
+        homing = request(live, path, headers, b'{"command": "G28"}')
+        assert status_of(homing) == 409
+        assert b'"remedy": "Pause the print' in homing
         assert status_of(request(live, path, headers, b'{"command": "M112"}')) == 204
         until(lambda: live.queue.find_job(job).state != "printing")
     assert "emergency stop" in live.queue.find_job(job).message

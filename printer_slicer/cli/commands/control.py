@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Send a command to the process that runs a print, and print its answer."""
     from printer_slicer.printing.commands import FORMER_ABORT, Status, parse_command
-    from printer_slicer.printing.control_socket import send_control_command
+    from printer_slicer.printing.control_socket import raise_if_rejected, send_control_command
     from printer_slicer.printing.job_store import default_job_store, find_print
 
     line = " ".join(arguments.words)
@@ -54,9 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
     answer = send_control_command(
         found.folder, line, **({"timeout": _STATUS_TIMEOUT} if isinstance(command, Status) else {})
     )
-    if not answer["ok"]:
-        message, _, remedy = str(answer["answer"]).partition("\n  ")
-        raise UsageError(f"{answer['job']}: {message}", remedy=remedy)
+    try:
+        raise_if_rejected(answer)
+    except UsageError as error:
+        raise UsageError(f"{answer['job']}: {error.args[0]}", remedy=error.remedy) from None
     if isinstance(command, Status):
         answer = {"ok": True, "job": answer["job"], **json.loads(answer["answer"])}
     if arguments.json:
