@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from shutil import rmtree
+from tempfile import TemporaryDirectory, gettempdir
 from threading import Event
 from time import monotonic
 from typing import Final
@@ -11,11 +15,13 @@ import numpy as np
 
 from printer_slicer.model import Mesh
 from printer_slicer.print_queue import JobRequest, PrintQueue, Supervisor, read_file_facts
+from printer_slicer.print_queue.run_folder import read_report
 from printer_slicer.print_queue.supervisor import lock_queue
+from printer_slicer.process_lock import ProcessLock
 from printer_slicer.profile import load_profile
 from printer_slicer.slice_jobs import job_of
 
-__all__ = ["end_demo_prints", "open_demo_queue"]
+__all__ = ["end_demo_prints", "open_demo_folder", "open_demo_queue"]
 
 _PRINTERS: Final = """\
 [left]
@@ -29,10 +35,36 @@ profile = "marlin_220"
 material = "petg"
 speed = 20
 """
+_PREFIX: Final = "printer-slicer-demo-"  # of the names of the temporary folders
+_LOCK_FILE: Final = "demo.lock"  # locked while the demonstration runs
 _ENDING: Final = 10.0  # s
 _PAUSE: Final = 0.2  # s
 _SIDES: Final = 60
 _WAVES: Final = 6
+
+
+@contextmanager
+def open_demo_folder() -> Iterator[Path]:
+    """Create a temporary folder for a `with` block; delete those that killed demonstrations have left."""
+    _delete_old_folders()
+    with TemporaryDirectory(prefix=_PREFIX, ignore_cleanup_errors=True) as name:
+        lock = ProcessLock(Path(name) / _LOCK_FILE)
+        lock.acquire(0.0)
+        try:
+            yield Path(name)
+        finally:
+            lock.release()
+
+
+def _delete_old_folders() -> None:
+    """Delete the folders of demonstrations that were killed, unless one of their prints still runs."""
+    for folder in Path(gettempdir()).glob(f"{_PREFIX}*"):
+        lock = folder / _LOCK_FILE
+        if not lock.exists() or ProcessLock(lock).is_held():
+            continue
+        states = {read_report(run).state for run in folder.glob("queue/runs/*")}
+        if not states & {"starting", "printing"}:
+            rmtree(folder, ignore_errors=True)
 
 
 def open_demo_queue(folder: Path) -> PrintQueue:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from printer_slicer.print_queue import PrintQueue, open_queue
 from printer_slicer.print_queue.supervisor import is_supervised, lock_queue
 from printer_slicer.server import running
 from printer_slicer.server.access import AccessStore
+from printer_slicer.server.demo import open_demo_folder
 from tests.server.client import open_client
 from tests.server.live import PRINTERS
 from tests.waiting import until
@@ -84,14 +87,29 @@ def test_the_feed_goes_on_after_an_error_of_the_database(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process there")
-def test_the_prints_of_the_demo_end_with_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP"])
+def test_the_prints_of_the_demo_end_with_it(tmp_path: Path, number: str) -> None:
     command = [sys.executable, "-m", "printer_slicer", "serve", "--demo", "--listen", "127.0.0.1:0"]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         lines = iter(process.stdout.readline, "")
         said = next(line for line in lines if "serving at" in line)
-        process.terminate()
+        process.send_signal(getattr(signal, number))
         process.stdout.read()
     assert "ends the server and its prints" in said
     assert list(tmp_path.glob("printer-slicer-demo-*")) == []
+
+
+def test_a_demo_deletes_the_folders_of_killed_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    killed, other = tmp_path / "printer-slicer-demo-killed", tmp_path / "printer-slicer-demo-other"
+    for folder in (killed, other):
+        folder.mkdir()
+    (killed / "demo.lock").touch()
+
+    with open_demo_folder() as folder:
+        assert not killed.exists()
+        assert other.exists()  # it may be one that has not locked its folder yet
+        assert folder.exists()
+    assert not folder.exists()

@@ -7,8 +7,6 @@ import os
 import signal
 import webbrowser
 from contextlib import ExitStack
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from printer_slicer.cli.arguments import add_output_options, add_printers_file_option
@@ -65,10 +63,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar="URL",
             action="append",
             default=[],
-            help="page of another site that may use a key",
+            help="address of another site whose pages may send requests with a key",
         ),
         parser.add_argument(
-            "--proxy", metavar="ADDRESS", default="", help="reverse proxy whose headers count"
+            "--proxy",
+            metavar="ADDRESS",
+            default="",
+            help="address of the reverse proxy whose X-Forwarded headers are trusted",
         ),
     ):
         mark_advanced(action)
@@ -89,14 +90,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     with ExitStack() as stack:
         if arguments.demo:
-            from printer_slicer.server.demo import end_demo_prints, open_demo_queue
+            from printer_slicer.server.demo import end_demo_prints, open_demo_folder, open_demo_queue
 
-            folder = stack.enter_context(
-                TemporaryDirectory(prefix="printer-slicer-demo-", ignore_cleanup_errors=True)
-            )
-            os.environ["PRINTER_SLICER_STATE"] = folder  # its prints are not to be resumed later
-            signal.signal(signal.SIGTERM, _interrupt)  # otherwise its prints would go on
-            queue = open_demo_queue(Path(folder))
+            _interrupt_on_signals()  # otherwise its prints would go on
+            folder = stack.enter_context(open_demo_folder())
+            os.environ["PRINTER_SLICER_STATE"] = str(folder)  # its prints are not to be resumed later
+            queue = open_demo_queue(folder)
             stack.callback(queue.close)
             stack.callback(end_demo_prints, queue)
         else:
@@ -105,6 +104,14 @@ def run(arguments: argparse.Namespace) -> int:
         access = AccessStore(queue.folder / "access.db")
         stack.callback(access.close)
         return _run_action(arguments, queue, access)
+
+
+def _interrupt_on_signals() -> None:
+    """End the program as Ctrl-C does if it is terminated or its terminal is closed; `nohup` keeps its effect."""
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
 
 
 def _interrupt(*_: object) -> None:
@@ -170,7 +177,7 @@ def _serve(arguments: argparse.Namespace, queue: PrintQueue, access: AccessStore
     )
 
     def announce() -> None:
-        """Tell where the server is, when it is ready."""
+        """Print the address of the server."""
         once = "; the link works once, within 10 minutes" if listener.is_loopback else "; sign in with a key"
         ended = "the server and its prints" if arguments.demo else "the server, not the prints"
         print_text(arguments, f"serving at {link}{once}. Ctrl-C ends {ended}", is_message=False)
