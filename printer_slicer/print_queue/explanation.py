@@ -113,7 +113,7 @@ def _summarise(
     if job.state == "held":
         return summary, matches, f"run printer-slicer queue release {job.id}"
     is_waiting = job.state == "ready" and any(match.fits for match in matches)
-    return summary, matches, "printer-slicer queue run" if is_waiting and not is_supervised(queue) else ""
+    return summary, matches, "run printer-slicer queue run" if is_waiting and not is_supervised(queue) else ""
 
 
 def _find_main_reason(queue: PrintQueue, job: QueuedJob, matches: tuple[PrinterMatch, ...]) -> str:

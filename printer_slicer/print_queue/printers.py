@@ -180,7 +180,7 @@ def _parse_entry(name: str, table: object) -> PrinterEntry:
     """
     if not _NAME.fullmatch(name):
         raise UsageError(
-            f"{name!r} is no name of a printer",
+            f"{name!r} is not a valid name of a printer",
             remedy="Use up to 40 letters, digits, hyphens and underscores",
         )
     if not isinstance(table, Mapping):

@@ -205,7 +205,7 @@ class PrintQueue:
         request = request or JobRequest()
         file = self.find_file(file_id)
         if not 1 <= request.copies <= MAX_COPIES:
-            raise UsageError(f"{request.copies} copies", remedy=f"Add 1 to {MAX_COPIES} copies")
+            raise UsageError(f"cannot add {request.copies} copies", remedy=f"Add 1 to {MAX_COPIES} copies")
         self._check_printer_name(request.printer)
         allow = json.dumps(sorted(check_allowed_codes(request.allow)))
         values = {
@@ -259,7 +259,7 @@ class PrintQueue:
             for number in (job,) if before is None else (job, before):
                 if (state := _read_state(connection, number)) not in WAITING_STATES:
                     raise UsageError(
-                        f"job {number} is {state} and has no place in the queue", remedy=_LIST_REMEDY
+                        f"job {number} is {state} and is not waiting in the queue", remedy=_LIST_REMEDY
                     )
             order = [number for number in _read_order(connection) if number != job]
             order.insert(len(order) if before in {None, job} else order.index(before or 0), job)

@@ -16,8 +16,8 @@ from printer_slicer.sending import RemoteStatus, Upload, cancel_remote_print, re
 
 __all__ = ["RemotePrinter", "print_remotely"]
 
-_INTERVAL: Final = 2.0  # s between two questions
-_PATIENCE: Final = 60.0  # s for a print to begin, and for a server to tell how it ended
+_INTERVAL: Final = 2.0  # s between two requests
+_ANSWER_TIMEOUT: Final = 60.0  # s for a print to begin, and for a server to report how it ended
 
 
 class RemotePrinter:
@@ -85,7 +85,7 @@ def print_remotely(  # noqa: PLR0913 - two are for tests
     is_cancelled: Callable[[], bool],
     on_start: Callable[[], None],
     interval: float = _INTERVAL,
-    patience: float = _PATIENCE,
+    timeout: float = _ANSWER_TIMEOUT,
 ) -> RunResult:
     """Print a file on a server, and wait for the end of the print.
 
@@ -95,8 +95,8 @@ def print_remotely(  # noqa: PLR0913 - two are for tests
         name: its name on the server, which no other file there has.
         is_cancelled: whether a person has asked for the end of the print.
         on_start: called when the server has accepted the print.
-        interval: time between two questions to the server, s.
-        patience: time for the print to begin, and for the server to tell how it ended, s.
+        interval: time between two requests to the server, s.
+        timeout: time for the print to begin, and for the server to report how it ended, s.
 
     Raises:
         PortError: the printer is not ready; nothing was uploaded.
@@ -113,7 +113,7 @@ def print_remotely(  # noqa: PLR0913 - two are for tests
     except (PortError, UsageError, OutputError) as error:
         raise PrintError(str(error.args[0]), remedy=error.remedy) from None
     on_start()
-    return _wait_for_end(printer, name, is_cancelled, _measure_time(interval), patience)
+    return _wait_for_end(printer, name, is_cancelled, _measure_time(interval), timeout)
 
 
 def _measure_time(interval: float) -> Iterator[float]:
@@ -129,9 +129,9 @@ def _wait_for_end(
     name: str,
     is_cancelled: Callable[[], bool],
     times: Iterator[float],
-    patience: float,
+    timeout: float,
 ) -> RunResult:
-    """Ask the server until the print has ended. A server that does not answer is asked again: its print goes on."""
+    """Poll the server until the print has ended; an unanswered request is repeated, because the print goes on."""
     has_begun, unclear_since = False, next(times)
     for now in times:
         if is_cancelled():
@@ -146,13 +146,13 @@ def _wait_for_end(
             has_begun, unclear_since = True, now
         elif is_ours and (result := _judge_end(status, is_cancelled=is_cancelled())) is not None:
             return result
-        elif now - unclear_since > patience:
-            return RunResult("failed", f"the server does not tell how the print ended: {status.message}")
+        elif now - unclear_since > timeout:
+            return RunResult("failed", f"the server does not report how the print ended: {status.message}")
     raise AssertionError("time never ends")
 
 
 def _judge_end(status: RemoteStatus, *, is_cancelled: bool) -> RunResult | None:
-    """Return how a print has ended, according to the server; None if it does not tell."""
+    """Return how a print has ended, according to the server; None if that is unknown."""
     if status.is_complete:
         return RunResult("done")
     if is_cancelled and status.state == "idle":

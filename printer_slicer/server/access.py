@@ -153,7 +153,9 @@ class AccessStore:
         """
         with self._database.transaction() as connection:
             if not connection.execute("DELETE FROM key WHERE id = ?", (id_,)).rowcount:
-                raise UsageError(f"there is no key {id_}", remedy="See the list of keys")
+                raise UsageError(
+                    f"there is no key {id_}", remedy="Run printer-slicer serve --keys to list them"
+                )
 
     def find_key(self, text: str) -> Access | None:
         """Return what a key allows; None if there is no such key. An unknown key costs the same time."""

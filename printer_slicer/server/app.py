@@ -184,7 +184,7 @@ def _store_model(services: Services, form: FormReader, command: SliceCommand) ->
     ending = next((one for one in MODEL_ENDINGS if name.lower().endswith(one)), "")
     if not ending:
         raise ProblemError(
-            415, "this is no model", f"Upload a file that ends with {', '.join(MODEL_ENDINGS)}"
+            415, "the file is not a model", f"Upload a file that ends with {', '.join(MODEL_ENDINGS)}"
         )
     folder = services.slicer.folder / token_hex(16)
     folder.mkdir(parents=True, mode=0o700)
@@ -332,7 +332,7 @@ async def _handle_missing(_: Request, __: Exception) -> Response:
 async def _handle_method(request: Request, _: Exception) -> Response:
     """Answer a request with a method that an address does not have."""
     return respond_with_problem(
-        Problem(405, f"this address has no method {request.method}", "See /v1/openapi.json")
+        Problem(405, f"the method {request.method} is not allowed at this address", "See /v1/openapi.json")
     )
 
 

@@ -91,7 +91,7 @@ def _check_head(scope: Scope, settings: GuardSettings) -> Problem | None:
     hosts = headers.getlist("host")
     if len(hosts) != 1 or _get_host_name(hosts[0]) not in settings.hosts:
         name = _get_host_name(hosts[0]) if len(hosts) == 1 else ""
-        remedy = f"Start the server with {name} as one of its host names" if name else "Send one Host header"
+        remedy = f"Restart the server with --host {name}" if name else "Send one Host header"
         return Problem(421, "the server is not known by this host name", remedy)
     origin = headers.get("origin")
     if scope["type"] == "websocket" and origin and not _is_accepted(origin, hosts[0], settings):

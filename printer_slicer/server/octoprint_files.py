@@ -19,7 +19,7 @@ from printer_slicer.server.targets import QUEUED, find_target, queue_job, receiv
 
 __all__ = ["delete_file", "get_file", "list_files", "make_command", "start_file", "upload"]
 
-_MOST_FILES: Final = 200
+_MAX_FILES: Final = 200
 
 
 def make_command(run: Callable[[Request, dict[str, Any]], None]) -> Callable[[Request], Awaitable[Response]]:
@@ -30,7 +30,7 @@ def make_command(run: Callable[[Request, dict[str, Any]], None]) -> Callable[[Re
         try:
             body = decode_json(await read_body(request), dict[str, Any])
         except ValueError:
-            raise ProblemError(400, "the body is no command", 'Send {"command": "..."} as JSON') from None
+            raise ProblemError(400, "the body is not a command", 'Send {"command": "..."} as JSON') from None
         await run_slow_work(request, run, request, body)
         return Response(status_code=204)
 
@@ -70,7 +70,7 @@ async def list_files(request: Request) -> Response:
 def _list_files(request: Request) -> dict[str, Any]:
     """Return the files that were added last, in OctoPrint's words."""
     queue = find_target(request).services.queue
-    files = [_describe_file(request, queue, file) for file in queue.list_files(_MOST_FILES)]
+    files = [_describe_file(request, queue, file) for file in queue.list_files(_MAX_FILES)]
     return {"files": files, "free": None, "total": None}
 
 
@@ -123,7 +123,7 @@ def start_file(request: Request, body: dict[str, Any]) -> None:
     target = find_target(request)
     target.access.require("print", target.printer.name)
     if body.get("command") != "select":
-        raise ProblemError(400, "only the command select is possible", "Upload the file again to print it")
+        raise ProblemError(400, "only the command select is supported", "Upload the file again to print it")
     file = _find_newest(target.services.queue, request)
     if body.get("print") is True:
         queue_job(target, file)

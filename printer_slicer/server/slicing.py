@@ -51,10 +51,12 @@ def check_profile_name(name: str) -> None:
     """Check that a text from outside names a profile, and is not the path of a file.
 
     Raises:
-        UsageError: it is no name.
+        UsageError: it is not a name.
     """
     if not _PROFILE_NAME.fullmatch(name):
-        raise UsageError(f"{name[:40]!r} is no name of a profile", remedy="See printer-slicer profiles list")
+        raise UsageError(
+            f"{name[:40]!r} is not the name of a profile", remedy="See printer-slicer profiles list"
+        )
 
 
 class SliceRequest(Struct, frozen=True):
@@ -148,7 +150,7 @@ class Slicer:
                 oldest = next(ended, None)
                 if oldest is None:
                     raise UsageError(
-                        "too many models wait", remedy="Wait until some are sliced, or cancel them"
+                        "too many models are waiting", remedy="Wait until some are sliced, or cancel them"
                     )
                 del self._tasks[oldest]
             self._tasks[task.id] = task
@@ -194,15 +196,15 @@ class Slicer:
         entries = {entry.name: entry for entry in self._queue.list_printers()}
         if request.printer not in entries:
             raise UsageError(
-                f"there is no printer {request.printer or 'without a name'}",
+                f"there is no printer {request.printer!r}",
                 remedy=f"Choose one of: {', '.join(entries)}",
             )
         if not 1 <= request.copies <= 200:
-            raise UsageError(f"{request.copies} copies", remedy="Choose 1 to 200 copies")
+            raise UsageError(f"cannot slice {request.copies} copies", remedy="Choose 1 to 200 copies")
         wrong = [key for key in request.settings if not _KEY.fullmatch(key)]
         if wrong:
             raise UsageError(
-                f"{wrong[0][:40]!r} is no setting", remedy="See printer-slicer profiles settings"
+                f"{wrong[0][:40]!r} is not a setting", remedy="See printer-slicer profiles settings"
             )
         if request.quality:
             check_profile_name(request.quality)
@@ -226,7 +228,7 @@ class Slicer:
                 work = self._slice if self.find(task).command == "slice" else self._plan
                 work(task, model, request, names)
         except Exception as error:  # noqa: BLE001 - a fault of one task must not stop the others
-            self._change(task, state="failed", stage="", message=f"the server has a fault: {error}")
+            self._change(task, state="failed", stage="", message=f"internal error of the server: {error}")
         finally:
             with self._lock:
                 self._processes.pop(task, None)

@@ -44,7 +44,9 @@ def find_target(request: Request) -> Target:
     if not name:
         names = ", ".join(printers) or "none"
         raise ProblemError(
-            404, f"name the printer: {names}", "Use the address .../printers/NAME in the slicer"
+            404,
+            f"the address names no printer; printers: {names}",
+            "Use the address .../printers/NAME in the slicer",
         )
     if name not in printers:
         raise ProblemError(404, f"there is no printer {name}", f"Use one of: {', '.join(printers)}")
@@ -80,7 +82,7 @@ def _check_kind(name: str) -> None:
     Raises:
         ProblemError: it has another one.
     """
-    if not name.lower().endswith((".gcode", ".gco", ".g", ".gc")):
+    if not name.lower().endswith((".gcode", ".gco", ".g", ".nc", ".gc")):
         remedy = "Let the slicer write plain G-code, for example without binary G-code or UFP"
         raise ProblemError(
             415, "only plain G-code can be uploaded here, with a name such as part.gcode", remedy

@@ -33,14 +33,16 @@ class FormReader:
         file_name: name of the file; empty before it begins.
 
     Raises:
-        ProblemError: the content is no form.
+        ProblemError: the content is not a form.
     """
 
     def __init__(self, content_type: str, read_chunk: Callable[[], bytes]) -> None:
         kind, options = parse_options_header(content_type)
         boundary = options.get(b"boundary", b"")
         if kind != b"multipart/form-data" or not 0 < len(boundary) <= 200:
-            raise ProblemError(415, "the upload is no multipart form", "Send multipart/form-data with a file")
+            raise ProblemError(
+                415, "the upload is not a multipart form", "Send multipart/form-data with a file"
+            )
         self.fields: dict[str, str] = {}
         self.file_name = ""
         self._read_chunk = read_chunk
@@ -96,7 +98,9 @@ class FormReader:
         try:
             self._parser.write(chunk)
         except MultipartParseError:
-            raise ProblemError(400, "the upload is no valid multipart form", "Send the file again") from None
+            raise ProblemError(
+                400, "the upload is not a valid multipart form", "Send the file again"
+            ) from None
         if self._is_complete and not self._has_file:
             raise ProblemError(400, "the form has no file", "Send the file in a field with a file name")
 

@@ -74,7 +74,7 @@ def test_a_printer_whose_firmware_does_not_fit_needs_the_word_of_a_person(port: 
     [
         (PrinterEntry(name="old", port="sim:", profile="marlin_220"), "already a printer old"),
         (PrinterEntry(name="new", port="/dev/old", profile="marlin_220"), "have the same port"),
-        (PrinterEntry(name="a]b", port="sim:", profile="marlin_220"), "is no name of a printer"),
+        (PrinterEntry(name="a]b", port="sim:", profile="marlin_220"), "is not a valid name of a printer"),
         (PrinterEntry(name="new", port="sim:", profile="nonesuch"), "nonesuch"),
         (PrinterEntry(name="new", port="moonraker:", profile="voron_0_2"), "not the address"),
     ],

@@ -103,7 +103,7 @@ def test_the_queue_says_in_words_why_a_job_waits(queue: Typed) -> None:
 
     said = queue("explain", 2).out.splitlines()
     assert said == [
-        "job 2 waits for a program that starts jobs: printer-slicer queue run",
+        "job 2 waits for a program that starts jobs: run printer-slicer queue run",
         "  left: PLA is loaded, petg is wanted",
         "  right: job 1 is before it in the queue",
         "  small: PLA is loaded, petg is wanted",
@@ -140,16 +140,16 @@ def test_a_job_that_fits_nowhere_says_so(queue: Typed) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("add",), "queue add: 0 names, 1 wanted"),
+        (("add",), "queue add: wrong number of arguments (0)"),
         (("add", "box.stl"), "box.stl: the queue takes G-code files"),
         (("add", "missing.gcode"), "missing.gcode: cannot be read: No such file or directory"),
         (("add", "part.gcode", "--printer", "middle"), "there is no printer or group middle"),
         (("add", "part.gcode", "--copies", "2000"), "2000 copies"),
-        (("move", "1", "up"), "queue move 1 up: no such place"),
-        (("explain", "one"), "one is no number of a job"),
+        (("move", "1", "up"), "queue move 1 up: unknown place"),
+        (("explain", "one"), "one is not the number of a job"),
         (("clear-bed", "middle"), "there is no printer middle"),
-        (("load", "left"), "queue load: 1 names, 2 wanted"),
-        (("list", "1"), "queue list: 1 names, none wanted"),
+        (("load", "left"), "queue load: wrong number of arguments (1)"),
+        (("list", "1"), "queue list: wrong number of arguments (1)"),
     ],
 )
 def test_errors_are_plain_and_have_a_remedy(queue: Typed, words: tuple[str, ...], message: str) -> None:
@@ -245,7 +245,7 @@ def test_a_job_may_name_another_material_than_its_file() -> None:
         ("[a]\nport = '/dev/a'\nprofile = 'x'\nbaud = -1", "a: baud is a value of type int, or out of range"),
         ("[a]\nport = '/dev/a'\nprofile = 'x'\nguard = inf", "a: guard is a value of type float"),
         ("[a]\nport = '/dev/a'\nprofile = 'x'\nspeed = 2", "a: speed is for simulated printers only"),
-        ("['a b']\nport = '/dev/a'\nprofile = 'x'", "'a b' is no name of a printer"),
+        ("['a b']\nport = '/dev/a'\nprofile = 'x'", "'a b' is not a valid name of a printer"),
         ("a = 1", "a: is not a table"),
         ("[a]\nport = 'p'\nprofile = 'x'\n[b]\nport = 'p'\nprofile = 'x'", "a and b have the same port p"),
         ("[a]\nport = 'p'\nprofile = 'x'\ngroups = ['a']", "a: the group a has the name of a printer"),

@@ -25,7 +25,7 @@ STOPPED = RemoteStatus("idle", "run.gcode", 0.5, is_complete=False, message="can
 BROKEN = RemoteStatus("error", "run.gcode", message="Move out of range")
 
 NAMELESS = RemoteStatus("idle", is_complete=True)
-UNCLEAR = "the server does not tell how the print ended: "
+UNCLEAR = "the server does not report how the print ended: "
 
 
 class Server(RemotePrinter):
@@ -63,7 +63,7 @@ def printed(server: Server, is_cancelled: Callable[[], bool] = lambda: False) ->
         is_cancelled=is_cancelled,
         on_start=lambda: None,
         interval=0,
-        patience=0.05,
+        timeout=0.05,
     )
 
 

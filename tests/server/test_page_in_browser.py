@@ -345,7 +345,7 @@ def watch_print_with_keys(page: Page, name: str) -> None:
     check_page(page)
     page.wait_for_function(f"one => ({COLOURED})(one) > 20", arg=live.element_handle())
     page.wait_for_function(HAS_HEATED)
-    card.get_by_text("Prints nothing").wait_for(timeout=180_000)
+    card.get_by_text("Not printing").wait_for(timeout=180_000)
     page.get_by_role("link", name="History").focus()
     page.keyboard.press("Enter")
     page.locator("li.card", has_text=name).get_by_text("done", exact=True).first.wait_for()
@@ -419,7 +419,7 @@ def test_the_console_is_filtered(page: Page) -> None:
     cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
     cancel.click()
     cancel.filter(has_text="Press again").click()
-    card.get_by_text("Prints nothing").wait_for()
+    card.get_by_text("Not printing").wait_for()
 
 
 def test_a_model_under_files_is_not_uploaded(page: Page) -> None:
@@ -569,7 +569,7 @@ def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: st
     cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
     cancel.click()
     cancel.filter(has_text="Press again").click()
-    card.get_by_text("Prints nothing").wait_for()
+    card.get_by_text("Not printing").wait_for()
     card.get_by_role("button", name="Bed is clear").wait_for()
     open_section(page, "History")
     page.locator("li.card", has_text=name).get_by_text("cancelled").first.wait_for()

@@ -56,7 +56,7 @@ def test_all_actions_work_on_the_queue_of_a_server(
     [
         (("explain", "77"), "there is no job 77"),
         (("clear-bed", "a/b"), "nothing at this address"),
-        (("run",), "the server starts the jobs"),
+        (("run",), "--server does not work with run"),
         (("list", "--all", "--key-file", "none"), "none: cannot be read"),
     ],
 )

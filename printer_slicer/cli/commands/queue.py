@@ -37,12 +37,12 @@ _ACTIONS: Final = {
     "add": "FILE...: add a job for each G-code file",
     "move": "JOB first | last | before JOB: change the order",
     "explain": "JOB: say why a job waits",
-    "hold": "JOB...: do not start it until it is released",
-    "release": "JOB...: start it when its turn comes, again if it failed",
-    "cancel": "JOB...: cancel it, also while it is printing",
+    "hold": "JOB...: do not start the job until it is released",
+    "release": "JOB...: start a held, failed or cancelled job when its turn comes",
+    "cancel": "JOB...: remove the job from the queue, or end its print",
     "clear-bed": "PRINTER...: you have taken the part off the bed",
-    "occupy-bed": "PRINTER...: something lies on the bed",
-    "load": "PRINTER MATERIAL: this material is loaded",
+    "occupy-bed": "PRINTER...: there is a part on the bed",
+    "load": "PRINTER MATERIAL: record which material is loaded",
     "add-printer": "NAME PORT PROFILE: add a printer to printers.toml",
     "run": "start jobs on printers with a clear bed, until Ctrl-C",
 }
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--material",
         metavar="NAME",
         default="",
-        help="for add and add-printer: default: that in the file, or pla",
+        help="for add and add-printer; default: that of the file, or pla",
     )
     parser.add_argument(
         "--copies", metavar="N", type=parse_positive_integer, default=1, help="for add: number of jobs"
@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
     parser.add_argument(
-        "--server", metavar="URL", default="", help="the queue of printer-slicer serve at this address"
+        "--server", metavar="URL", default="", help="address of a printer-slicer server whose queue to use"
     )
     parser.add_argument(
         "--key-file", metavar="FILE", type=Path, help="for --server: file with the key of the server"
@@ -119,8 +119,8 @@ def _open_queue(arguments: argparse.Namespace) -> Any:
         return open_queue(printers_file=arguments.printers_file)
     if arguments.what in {"run", "add-printer"} or arguments.printers_file is not None:
         raise UsageError(
-            "the server starts the jobs and has its own printers",
-            remedy="Remove --server, or the action run or add-printer and --printers-file",
+            "--server does not work with run, add-printer and --printers-file: the server has its own",
+            remedy="Run the command on the computer of the server, without --server",
         )
     from printer_slicer.server.queue_client import QueueClient
 
@@ -140,7 +140,7 @@ def _check_names(arguments: argparse.Namespace) -> None:
     if not least <= count <= most:
         words = _ACTIONS[what].partition(":")[0] if least else ""
         raise UsageError(
-            f"queue {what}: {count} names, {least or 'none'} wanted",
+            f"queue {what}: wrong number of arguments ({count})",
             remedy=f"Use printer-slicer queue {what} {words}".rstrip(),
         )
 
@@ -154,7 +154,7 @@ def _parse_job(text: str) -> int:
     number = text.removeprefix("#")
     if not (number.isascii() and number.isdigit() and len(number) < 19):
         raise UsageError(
-            f"{text} is no number of a job", remedy="Run printer-slicer queue list to see the numbers"
+            f"{text} is not the number of a job", remedy="Run printer-slicer queue list to see the numbers"
         )
     return int(number)
 
@@ -241,7 +241,7 @@ def _move(arguments: argparse.Namespace, queue: PrintQueue) -> int:
         queue.move_job(number, before=_parse_job(other[0]))
     else:
         raise UsageError(
-            f"queue move {' '.join(arguments.names)}: no such place",
+            f"queue move {' '.join(arguments.names)}: unknown place",
             remedy=f"Use printer-slicer queue move {job} first, or last, or before JOB",
         )
     return _list(arguments, queue)
@@ -267,7 +267,7 @@ def _change_jobs(
 
 
 def _describe_state(job: QueuedJob) -> str:
-    """Return the state of a job in words; one that is asked to end while it prints is not at its end yet."""
+    """Return the state of a job in words; a message says that its print is being ended."""
     return f"{job.state} ({job.message})" if job.message else job.state
 
 

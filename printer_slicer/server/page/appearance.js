@@ -1,10 +1,10 @@
 /**
- * Light and dark: as the system has it, or as the user chooses.
+ * Light and dark: like the system has it, or as the user chooses.
  */
 import { make, makeField } from "./elements.js";
 
 const STORED_AS = "printer_slicer_scheme";
-const CHOICES = { system: "as the system", light: "light", dark: "dark" };
+const CHOICES = { system: "like the system", light: "light", dark: "dark" };
 
 /** Show the page as it was chosen last. */
 export function applyAppearance() {

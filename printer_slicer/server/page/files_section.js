@@ -42,7 +42,7 @@ function makeFileRow([file], reload) {
   const facts = make("p", {});
   const form = makeJobForm(file);
   const address = `/v1/files/${file.id}`;
-  const view = make("a", { class: "button", href: `${address}/view`, target: "_blank", rel: "noopener" }, "Look at it");
+  const view = make("a", { class: "button", href: `${address}/view`, target: "_blank", rel: "noopener" }, "View");
   const save = make("a", { class: "button", href: `${address}/content` }, "Save");
   const remove = makeConfirmedButton("Delete", "Press again to delete", async () => {
     await request("DELETE", address);
@@ -54,7 +54,7 @@ function makeFileRow([file], reload) {
     element: make("li", { class: "card" }, title, facts, figures, links, form.element),
     show([now, itsFacts]) {
       setText(title, now.name);
-      view.setAttribute("aria-label", `Look at ${now.name}`);
+      view.setAttribute("aria-label", `View ${now.name}`);
       save.setAttribute("aria-label", `Save ${now.name}`);
       setShown(view, !itsFacts?.problem);
       setShown(remove, allows("print") && !known.account?.printer);

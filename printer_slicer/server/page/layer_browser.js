@@ -17,7 +17,7 @@ export function makeLayerBrowser(file) {
   const show = (loaded) => {
     const layer = slider.valueAsNumber - 1;
     const { z, height } = loaded.preview.layers;
-    const said = `Layer at ${z[layer].toFixed(2)} mm, ${height[layer].toFixed(2)} mm thick, ${layer + 1} of ${z.length}`;
+    const said = `Layer at ${z[layer].toFixed(2)} mm, ${height[layer].toFixed(2)} mm high, ${layer + 1} of ${z.length}`;
     setText(text, said);
     slider.setAttribute("aria-valuetext", said);
     picture.show(loaded, layer, 1, said);

@@ -22,7 +22,7 @@ import { makeWebcam } from "./webcam.js";
 const BED_TEXTS = {
   clear: "Bed is clear",
   occupied: "Bed is occupied: take the print off",
-  unknown: "Nobody has said whether the bed is clear",
+  unknown: "The bed may be occupied: take the print off",
 };
 
 /**
@@ -96,7 +96,7 @@ function makeParts(name) {
     state.dataset.state = word;
     setShown(message, Boolean(printer.message));
     setText(message, printer.message);
-    setText(title, job ? job.name : "Prints nothing");
+    setText(title, job ? job.name : "Not printing");
     setShown(bar, Boolean(job));
     bar.value = getPercent(status);
     setText(figures, job ? describeProgress(status, progress) : "");

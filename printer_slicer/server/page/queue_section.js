@@ -72,7 +72,7 @@ function describeJob(job, summary) {
 
 /** Show for each printer why it does not print a job now. */
 function showReasons(list, explanation) {
-  const texts = (explanation?.printers ?? []).map((one) => `${one.printer}: ${one.reasons.join("; ") || "would print it"}`);
+  const texts = (explanation?.printers ?? []).map((one) => `${one.printer}: ${one.reasons.join("; ") || "ready to print it"}`);
   if (list.dataset.shown === texts.join("\n")) return;
   list.dataset.shown = texts.join("\n");
   list.replaceChildren(...texts.map((text) => make("li", {}, text)));

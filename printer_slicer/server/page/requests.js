@@ -74,7 +74,7 @@ function readAnswer(status, text) {
     throw new RequestError(status, "The answer of the server cannot be read");
   }
   if (status < 400) return content;
-  const { detail = `The server answers ${status}`, remedy = "" } = content ?? {};
+  const { detail = `The server answered with status ${status}`, remedy = "" } = content ?? {};
   const first = detail.charAt(0).toUpperCase() + detail.slice(1);
   const isForPage = remedy && !remedy.includes("printer-slicer "); // others name commands
   throw new RequestError(status, isForPage ? `${first}. ${remedy}.` : `${first}.`);

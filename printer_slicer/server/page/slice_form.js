@@ -6,7 +6,7 @@ import { make, makeField } from "./elements.js";
 import { fillPrinters } from "./job_form.js";
 import { request } from "./requests.js";
 
-const AS_QUALITY = "as in the quality";
+const AS_QUALITY = "from the quality profile";
 const PLANS = { "": AS_QUALITY, uniform: "uniform", optimal: "adaptive" };
 const SUPPORTS = { "": AS_QUALITY, off: "none", auto: "where needed", tree: "trees" };
 const DEFAULT_QUALITY = "standard";
