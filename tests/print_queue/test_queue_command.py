@@ -144,7 +144,7 @@ def test_a_job_that_fits_nowhere_says_so(queue: Typed) -> None:
         (("add", "box.stl"), "box.stl: the queue takes G-code files"),
         (("add", "missing.gcode"), "missing.gcode: cannot be read: No such file or directory"),
         (("add", "part.gcode", "--printer", "middle"), "there is no printer or group middle"),
-        (("add", "part.gcode", "--copies", "2000"), "2000 copies"),
+        (("add", "part.gcode", "--copies", "2000"), "cannot add 2000 copies"),
         (("move", "1", "up"), "queue move 1 up: unknown place"),
         (("explain", "one"), "one is not the number of a job"),
         (("clear-bed", "middle"), "there is no printer middle"),
