@@ -64,6 +64,21 @@ def read_all(connection: socket.socket) -> bytes:
     return received
 
 
+def read_response(connection: socket.socket) -> bytes:
+    """One whole response with a `content-length`, after which the connection may stay open."""
+    received = b""
+    while b"\r\n\r\n" not in received:
+        piece = connection.recv(65536)
+        if not piece:
+            return received
+        received += piece
+    head, body = received.split(b"\r\n\r\n", 1)
+    length = int(head.lower().split(b"content-length: ", 1)[1].split(b"\r\n", 1)[0])
+    while len(body) < length and (piece := connection.recv(65536)):
+        body += piece
+    return head + b"\r\n\r\n" + body
+
+
 def status_of(response: bytes) -> int:
     """Status code of a response; 0 for none."""
     return int(response.split(b" ", 2)[1]) if response.startswith(b"HTTP/") else 0
@@ -75,7 +90,9 @@ def run_live_server(folder: Path, listener: Listener | None = None) -> Iterator[
     (folder / "printers.toml").write_text(PRINTERS)
     queue, access = open_queue(folder / "queue", folder / "printers.toml"), AccessStore(folder / "access.db")
     _, key = access.create_key("tests", SCOPES)
-    services = Services(queue, access, GuardSettings(frozenset({"localhost"})), default_job_store())
+    services = Services(
+        queue, access, GuardSettings(frozenset({"localhost", "127.0.0.1"})), default_job_store()
+    )
     config = make_server_config(services, listener or Listener())
     server = uvicorn.Server(config)
     with socket.create_server(("127.0.0.1", 0)) as listening:

@@ -13,7 +13,15 @@ import pytest
 from printer_slicer.server import connections, receiving
 from printer_slicer.server.running import Listener
 from tests.server.client import GCODE, form
-from tests.server.live import LiveServer, add_job, read_all, run_live_server, status_of, supervise
+from tests.server.live import (
+    LiveServer,
+    add_job,
+    read_all,
+    read_response,
+    run_live_server,
+    status_of,
+    supervise,
+)
 from tests.waiting import LAST_RESORT, until
 
 N_MOVES = 4000
@@ -220,7 +228,7 @@ def guess_keys(live: LiveServer) -> None:
         request = b"GET /v1/me HTTP/1.1\r\nHost: localhost\r\nX-Api-Key: ps_%s_%04d\r\n\r\n"
         for n in range(300):
             connection.sendall(request % (id_.encode(), n))
-            assert connection.recv(65536).startswith(b"HTTP/1.1 401")
+            assert status_of(read_response(connection)) == 401
     assert status_of(live.get("/v1/me")) == 200
 
 
