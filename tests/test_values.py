@@ -105,5 +105,12 @@ def test_functions_for_dataclasses_accept_values() -> None:
     plan = LayerPlan.from_tops(np.array([0.2, 0.4]), "first")
 
     assert replace(plan, planner="second").planner == "second"
-    assert [field.name for field in fields(plan)] == ["top", "cut", "planner", "containment", "base"]
+    assert [field.name for field in fields(plan)] == [
+        "top",
+        "cut",
+        "planner",
+        "containment",
+        "base",
+        "contour_rule",
+    ]
     assert str(signature(LayerPlan)).startswith("(top: 'Float', cut: 'Float', planner: 'str' = ''")

@@ -233,7 +233,7 @@ def check_page(page: Page) -> None:
 
 def tab_to(page: Page, wanted: Locator) -> None:
     """Wait for an element, then press the tab key until it has the focus, which must be visible."""
-    wanted.wait_for(state="attached")
+    wanted.wait_for()
     for _ in range(80):
         page.keyboard.press("Tab")
         if wanted.evaluate("one => one === document.activeElement"):
