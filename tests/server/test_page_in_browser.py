@@ -232,8 +232,9 @@ def check_page(page: Page) -> None:
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
-    """Wait for an element, then press the tab key until it has the focus, which must be visible."""
+    """Wait until an element can be used, then press the tab key until it has the focus, which must be visible."""
     wanted.wait_for()
+    page.wait_for_function("one => !one.disabled", arg=wanted.element_handle())
     for _ in range(80):
         page.keyboard.press("Tab")
         if wanted.evaluate("one => one === document.activeElement"):
