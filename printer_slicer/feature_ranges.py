@@ -11,7 +11,15 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Areas, find_enclosing_rings, offset, simplify, split_connected, union
+from printer_slicer.geometry import (
+    Areas,
+    contain_points,
+    find_enclosing_rings,
+    offset,
+    simplify,
+    split_connected,
+    union,
+)
 from printer_slicer.geometry.facet_clipping import clip_facets
 from printer_slicer.geometry.plane_sections import section_contours
 from printer_slicer.geometry.slab_projection import BESIDE, project_slabs
@@ -121,8 +129,6 @@ def list_rings_of_feature(solid: Areas, here: Int, outline: Areas) -> Int:
     first = solid.xy[solid.ring_start[:-1]]
     is_here = np.isin(solid.ring_layer, here)
     rings = np.flatnonzero(is_here)
-    around = find_enclosing_rings(outline, first[rings], np.zeros(len(rings), np.int64))
-    inside = (around >= 0) & (
-        outline.ring_area()[around] > 0
-    )  # not in a hole, where another feature may stand
+    # Not in a hole of the outline, where another feature may stand.
+    inside = contain_points(outline, first[rings], np.zeros(len(rings), np.int64))
     return np.sort(np.concatenate([np.flatnonzero(~is_here), rings[inside]]))

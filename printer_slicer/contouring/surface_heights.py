@@ -13,7 +13,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.contouring.tops import Tops
-from printer_slicer.geometry import find_enclosing_rings
+from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Sections
@@ -144,7 +144,7 @@ class FacetBins(Struct, frozen=True, eq=False):
 
 def is_open_above(points: LayerPoints, sections: Sections) -> Bool:
     """Return at which points (N,) nothing is printed on the layer, so that the surface there is not inside the part."""
-    plan, area = sections.plan, sections.solid.ring_area()
+    plan = sections.plan
     result = np.ones(len(points.xy), np.bool_)
     above = points.layer
     for _ in range(plan.n_layers):  # layers of several objects overlap; otherwise only the next one counts
@@ -154,8 +154,7 @@ def is_open_above(points: LayerPoints, sections: Sections) -> Bool:
         if not len(some):
             break
         order = some[np.argsort(above[some], kind="stable")]
-        ring = find_enclosing_rings(sections.solid, points.xy[order], above[order])
-        result[order[(ring >= 0) & (area[ring] > 0)]] = False
+        result[order[contain_points(sections.solid, points.xy[order], above[order])]] = False
     return result
 
 

@@ -30,7 +30,12 @@ from printer_slicer.geometry.hull import convex_hull
 from printer_slicer.geometry.outlines import clip_outlines
 from printer_slicer.geometry.polygons import Polygons
 from printer_slicer.geometry.polylines import Polylines
-from printer_slicer.geometry.ring_queries import crosses_rings, crossings, find_enclosing_rings
+from printer_slicer.geometry.ring_queries import (
+    contain_points,
+    crosses_rings,
+    crossings,
+    find_enclosing_rings,
+)
 from printer_slicer.geometry.staircases import unite_row_rectangles
 from printer_slicer.geometry.sweeping import sweep_areas
 
@@ -46,6 +51,7 @@ __all__ = [
     "clip_lines",
     "clip_outlines",
     "close_gaps",
+    "contain_points",
     "convex_hull",
     "crosses_rings",
     "crossings",

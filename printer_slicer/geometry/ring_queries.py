@@ -8,7 +8,14 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, unique_inverse
 from printer_slicer.geometry.areas import Areas
 from printer_slicer.geometry.boxes import Boxes
 
-__all__ = ["crosses_any_edge", "crosses_rings", "crossing_shares", "crossings", "find_enclosing_rings"]
+__all__ = [
+    "contain_points",
+    "crosses_any_edge",
+    "crosses_rings",
+    "crossing_shares",
+    "crossings",
+    "find_enclosing_rings",
+]
 
 _PAIRS_AT_ONCE = 1 << 18  # pairs of lines and edges per batch, to bound the memory
 
@@ -53,6 +60,14 @@ def find_enclosing_rings(outlines: Areas, points: Float, layer: Int) -> Int:
     rank, smallest = np.argsort(by_size), np.full(len(points), n_rings)
     np.minimum.at(smallest, point, rank[within])
     return np.append(by_size, -1).take(smallest)
+
+
+def contain_points(areas: Areas, points: Float, layer: Int) -> Bool:
+    """Return a mask (P,) of the points (P, 2) that lie in the areas of their `layer` (P,), ascending."""
+    if not areas.n_rings:
+        return np.zeros(len(points), np.bool_)
+    ring = find_enclosing_rings(areas, points, layer)
+    return np.asarray((ring >= 0) & (areas.ring_area()[ring] > 0))
 
 
 def _find_split_positions(count: Int, most: int) -> Int:

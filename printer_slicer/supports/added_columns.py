@@ -9,6 +9,7 @@ import numpy as np
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import (
     Areas,
+    contain_points,
     difference,
     find_enclosing_rings,
     intersection,
@@ -90,10 +91,7 @@ def find_needed_paths(samples: BeadSamples, paths: Toolpaths, kept: Bool, contac
 def _lies_in(areas: Areas, points: Float, layer: int) -> Bool:
     """Return which points (k, 2) lie in the areas of a layer."""
     own = areas.copy_layers(np.array([layer]))
-    if not own.n_rings:
-        return np.zeros(len(points), np.bool_)
-    ring = find_enclosing_rings(own, points, np.zeros(len(points), np.int64))
-    return np.asarray((ring >= 0) & (own.ring_area()[ring] > 0))
+    return contain_points(own, points, np.zeros(len(points), np.int64))
 
 
 def _has_neighbours(samples: BeadSamples, which: Int, others: Int) -> Bool:

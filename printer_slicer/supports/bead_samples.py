@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive
-from printer_slicer.geometry import find_enclosing_rings
+from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.raster import CellGrid, Float32
 from printer_slicer.kernel import load_kernel
 from printer_slicer.model import LayerPlan, Sections, Toolpaths
@@ -177,8 +177,7 @@ class PartBelow(Struct, frozen=True, eq=False):
             return np.zeros(0, np.bool_)
         low, high = int(layer[0]), int(layer[-1]) + 1
         solid = self.sections.solid.copy_layers(np.arange(low, high))
-        ring = find_enclosing_rings(solid, points, layer - low)
-        return np.asarray((ring >= 0) & (solid.ring_area()[ring] > 0)) if solid.n_rings else ring >= 0
+        return contain_points(solid, points, layer - low)
 
 
 def find_carried(samples: BeadSamples, paths: Toolpaths) -> Bool:

@@ -151,11 +151,10 @@ def _compute_segment_costs(
 
 def _is_solid_there(sections: Sections, points: Float, layer: Int, which: Bool) -> Bool:
     """Return a mask (n,) of the points `which` (n,) that lie in the section of their layer (n,)."""
-    from printer_slicer.geometry import find_enclosing_rings  # noqa: PLC0415
+    from printer_slicer.geometry import contain_points  # noqa: PLC0415
 
     result = np.zeros(len(points), np.bool_)
     some = np.flatnonzero(which)
     if len(some):
-        ring = find_enclosing_rings(sections.solid, points[some, :2], layer[some])
-        result[some] = (ring >= 0) & (sections.solid.ring_area()[ring] > 0)
+        result[some] = contain_points(sections.solid, points[some, :2], layer[some])
     return result

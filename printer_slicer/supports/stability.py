@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.geometry import Areas, find_enclosing_rings, split_connected, union
+from printer_slicer.geometry import Areas, contain_points, find_enclosing_rings, split_connected, union
 from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile, Quality
 from printer_slicer.roles import Role
@@ -214,8 +214,8 @@ def _cut_replaced(paths: Toolpaths, replaced: Areas) -> Toolpaths:
         return paths
     samples = sample_beads(paths, replaced.used)
     layer = paths.layer[samples.path]
-    ring = find_enclosing_rings(replaced, samples.points(np.arange(samples.count)), layer)
-    inside = (ring >= 0) & (replaced.ring_area()[ring] > 0) & (paths.role[samples.path] == Role.SUPPORT)
+    inside = contain_points(replaced, samples.points(np.arange(samples.count)), layer)
+    inside &= paths.role[samples.path] == Role.SUPPORT
     return keep_samples(samples, paths, ~inside) if inside.any() else paths
 
 
