@@ -51,7 +51,7 @@ class PathLines(Struct, frozen=True, eq=False):
     def from_paths(cls, paths: Toolpaths) -> PathLines:
         """Return the straight moves of paths, path by path; a loop ends with the move to its first point."""
         begin, end = paths.ends_of_beads
-        owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+        owner = paths.path_of_bead
         way = paths.xy[end] - paths.xy[begin]
         even = np.abs(paths.width[end] - paths.width[begin]) < _SAME_WIDTH
         flat = (paths.z_offset[begin] == paths.z_offset[end]) & (

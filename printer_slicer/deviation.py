@@ -53,18 +53,15 @@ class LocalTops(Struct, frozen=True, eq=False):
     @classmethod
     def of_paths(cls, paths: Toolpaths) -> LocalTops:
         """Return the tops of layers with lowered paths of the part; scarf seams do not count, as others fill them."""
-        size = np.diff(paths.start)
-        owner = np.repeat(np.arange(paths.n_paths), size)
-        point = np.arange(len(paths.xy))
-        following = np.where(point + 1 == paths.start[owner + 1], paths.start[owner], point + 1)
-        kept = ((following > point) | paths.closed[owner]) & roles_with(is_part=True)[paths.role[owner]]
-        z = paths.z_top[owner] + paths.z_offset
-        falling = np.bincount(owner, np.maximum(z - z[following], 0.0) * kept, paths.n_paths) > _LEVEL
+        xyz = np.column_stack([paths.xy, paths.z_top[paths.path_of_point] + paths.z_offset])
+        begin, end = (xyz[point] for point in paths.ends_of_beads)
+        path = paths.path_of_bead
+        of_part = roles_with(is_part=True)[paths.role[path]]
+        fall = np.maximum(begin[:, 2] - end[:, 2], 0.0) * of_part
         used = np.zeros(paths.plan.n_layers, np.bool_)
-        used[paths.layer[falling]] = True
-        some = np.flatnonzero(kept & used[paths.layer[owner]])
-        xyz = np.column_stack([paths.xy, z])
-        return cls(xyz[some], xyz[following[some]], paths.layer[owner[some]])
+        used[paths.layer[np.bincount(path, fall, paths.n_paths) > _LEVEL]] = True
+        some = np.flatnonzero(of_part & used[paths.layer[path]])
+        return cls(begin[some], end[some], paths.layer[path[some]])
 
 
 class Deviation(Struct, frozen=True, eq=False):

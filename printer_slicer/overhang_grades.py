@@ -137,7 +137,7 @@ def _cut_segments(paths: Toolpaths, near: Bool, count: Int) -> _Pieces:
     """Cut the segment from each point into `count` (N,) pieces; `near` (N,) marks segments to test for overhangs."""
     following = paths.following
     point, step = expand_counts(count)
-    path = np.repeat(np.arange(paths.n_paths), np.diff(paths.start)).take(point)
+    path = paths.path_of_point.take(point)
     return _Pieces(point, following.take(point), step, count.take(point), path, near.take(point))
 
 

@@ -59,14 +59,10 @@ def changes_of_z(paths: Toolpaths) -> Float:
     return np.abs(paths.z_offset[end] - paths.z_offset[begin])[far > 1e-6] / far[far > 1e-6]
 
 
-def point_paths(paths: Toolpaths) -> np.ndarray:
-    return np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
-
-
 @WEDGES
 def test_extrusions_keep_between_the_least_height_and_their_layer(degrees: float) -> None:
     paths = sliced(wedge(degrees)).toolpaths
-    owner = point_paths(paths)
+    owner = paths.path_of_point
     local = paths.height[owner] + paths.z_offset
 
     assert paths.z_offset.min() < -0.05
@@ -81,7 +77,7 @@ def test_what_is_laid_is_the_integral_of_the_local_cross_sections() -> None:
     stages = sliced(wedge(10.0))
     paths, profile = stages.toolpaths, contoured()
     begin, end = paths.ends_of_beads
-    owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    owner = paths.path_of_bead
     steps = (np.arange(50) + 0.5)[:, None] / 50
     width, z = (one[begin] + steps * (one[end] - one[begin]) for one in (paths.width, paths.z_offset))
     length = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
@@ -99,7 +95,7 @@ def test_beads_of_a_wedge_lie_beside_its_surface_by_half_of_their_width_at_most(
     begin, end = paths.ends_of_beads
     share = np.linspace(0, 1, 20)[:, None]
     x, y, z = (one[begin] + share * (one[end] - one[begin]) for one in (*paths.xy.T, paths.z_offset))
-    path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    path = paths.path_of_bead
     low, high = stages.part.bounds
     top, bottom = paths.z_top[path], (paths.z_top - paths.height)[path]
     surface = wedge_height(x - low[0], degrees)
@@ -135,7 +131,7 @@ def test_a_flat_inside_a_layer_is_met() -> None:
     exposed = top & np.isin(paths.role, [Role.TOP_SOLID_INFILL, Role.EXTERNAL_PERIMETER])
 
     assert exposed.any()
-    assert paths.z_offset[exposed[point_paths(paths)]] == pytest.approx(-0.06)
+    assert paths.z_offset[exposed[paths.path_of_point]] == pytest.approx(-0.06)
 
 
 @pytest.mark.parametrize("degrees", [8.0, 18.0])
@@ -171,7 +167,7 @@ def test_infill_that_climbs_begins_low() -> None:
     """Rows across the slope: the chain of rows is printed from its low side on."""
     stages = slice_stages(wedge(5.0, (20.0, 12.0)), contoured(infill_angle_deg=0.0, perimeters=1))
     paths = stages.toolpaths
-    owner = point_paths(paths)
+    owner = paths.path_of_point
     chains = (paths.role == Role.TOP_SOLID_INFILL) & ~paths.closed
     slopes = []
     for path in np.flatnonzero(chains):
@@ -431,7 +427,7 @@ def test_layers_that_break_the_tolerance_are_levelled() -> None:
     assert rule is not None
     if rule.level_tops:
         level = np.isin(stages.toolpaths.plan.top, rule.level_tops)
-        owner = point_paths(stages.toolpaths)
+        owner = stages.toolpaths.path_of_point
         assert (stages.toolpaths.z_offset[level[stages.toolpaths.layer[owner]]] == 0).all()
 
 
@@ -482,9 +478,9 @@ def test_first_layers_and_rafts_are_not_contoured() -> None:
     low = Mesh(wedge(5.0).triangles * np.array([1, 1, 0.2]), "low")
     on_bed, on_raft = sliced(low), sliced(wedge(10.0), raft_height=1.0)
 
-    assert not on_bed.toolpaths.z_offset[on_bed.toolpaths.layer[point_paths(on_bed.toolpaths)] == 0].any()
+    assert not on_bed.toolpaths.z_offset[on_bed.toolpaths.layer[on_bed.toolpaths.path_of_point] == 0].any()
     paths = on_raft.toolpaths
-    lowered = np.unique(paths.role[point_paths(paths)[paths.z_offset < 0]])
+    lowered = np.unique(paths.role[paths.path_of_point[paths.z_offset < 0]])
     assert len(lowered)
     assert Role.RAFT not in lowered
     bare = sliced(wedge(10.0)).toolpaths
@@ -494,7 +490,7 @@ def test_first_layers_and_rafts_are_not_contoured() -> None:
 def test_a_contoured_loop_has_no_scarf_and_others_keep_theirs() -> None:
     stages = sliced(wedge(10.0), scarf_length=4.0)
     paths = stages.toolpaths
-    owner = point_paths(paths)
+    owner = paths.path_of_point
     scarfed = np.zeros(paths.n_paths, np.bool_)
     scarfed[owner[(paths.flow_ratio < 1) & (paths.z_offset == 0)]] = True
     external = paths.role == Role.EXTERNAL_PERIMETER

@@ -38,7 +38,7 @@ def _find_falling_groups(paths: Toolpaths, group: Int) -> Bool:
     """Return which groups of paths, numbered by `group` (M,), are lowered infill that falls as it is printed."""
     n_groups = int(group[-1]) + 1
     begin, end = paths.ends_of_beads
-    path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    path = paths.path_of_bead
     lowered = np.zeros(n_groups, np.bool_)
     low = (paths.z_offset[begin] < 0) & roles_with(is_infill=True)[paths.role[path]]
     lowered[group[path[low]]] = True

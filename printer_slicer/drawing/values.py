@@ -242,7 +242,7 @@ def _make_area_layers(
 @_draw_value.register
 def _draw_toolpaths(paths: Toolpaths, layer: int | None) -> Picture:
     begin, end = paths.ends_of_beads
-    owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    owner = paths.path_of_bead
     width = (paths.width[begin] + paths.width[end]) / 2
     beads = _StraightMoves(paths.xy[begin], paths.xy[end], width, paths.role[owner], paths.layer[owner])
     return _draw_layers(beads.make_layers(paths.plan, "toolpaths"), layer)

@@ -90,7 +90,7 @@ def find_lowered_paths(paths: Toolpaths, profile: Profile) -> Bool:
     result = np.zeros(paths.n_paths, np.bool_)
     if not profile.quality.z_contouring:
         return result
-    owner = np.repeat(np.arange(paths.n_paths), np.diff(paths.start))
+    owner = paths.path_of_point
     result[owner[paths.z_offset < 0]] = True
     result[owner[(paths.z_offset == 0) & (paths.flow_ratio < 1)]] = False
     return result

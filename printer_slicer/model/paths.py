@@ -320,6 +320,16 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         return np.diff(self.start) - ~self.closed
 
     @property
+    def path_of_point(self) -> Int:
+        """Index (N,) of the path of each point."""
+        return np.repeat(np.arange(self.n_paths), np.diff(self.start))
+
+    @property
+    def path_of_bead(self) -> Int:
+        """Index (B,) of the path of each line segment."""
+        return np.repeat(np.arange(self.n_paths), self.beads_of_each)
+
+    @property
     def ends_of_beads(self) -> tuple[Int, Int]:
         """Indices of the start points (B,) and end points (B,) of all line segments."""
         begin = consecutive(self.start[:-1], self.beads_of_each)

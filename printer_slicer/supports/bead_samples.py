@@ -97,7 +97,7 @@ def sample_beads(
     Cells are `cell` mm wide, and samples at most `step` mm apart.
     """
     begin, end = paths.ends_of_beads
-    path = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    path = paths.path_of_bead
     grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
     first = (paths.xy[begin] - (grid.x, grid.y)) / grid.cell
     way = (paths.xy[end] - paths.xy[begin]) / grid.cell

@@ -66,7 +66,7 @@ def find_free_stretches(paths: Toolpaths, sections: Sections) -> tuple[Float, Fl
     """
     begin, end = paths.ends_of_beads
     a, b, layer = paths.xy[begin], paths.xy[end], np.repeat(paths.layer, paths.beads_of_each)
-    path, width = np.repeat(np.arange(paths.n_paths), paths.beads_of_each), paths.width[begin]
+    path, width = paths.path_of_bead, paths.width[begin]
     length = np.hypot(*(b - a).T)
     count = np.maximum(np.ceil(length / STEP), 1).astype(np.int64)
     bead = np.repeat(np.arange(len(a)), count)

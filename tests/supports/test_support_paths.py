@@ -24,7 +24,7 @@ WIDTH = PROFILE.extrusion_width
 def rows_of(paths: Toolpaths, layer: int) -> Float:
     """The y of all lines along x of the base, without repetitions, mm."""
     begin, end = paths.ends_of_beads
-    owner = np.repeat(np.arange(paths.n_paths), paths.beads_of_each)
+    owner = paths.path_of_bead
     level = np.abs(paths.xy[begin, 1] - paths.xy[end, 1]) < 1e-9
     here = (paths.layer[owner] == layer) & (paths.role[owner] == Role.SUPPORT) & ~paths.closed[owner] & level
     return np.unique(np.round(paths.xy[begin[here], 1], 4))
