@@ -34,9 +34,7 @@ def measure_deviations(
     """
     plan = paths.plan
     found = ContourDeviations(plan.top, np.zeros(plan.n_layers), np.zeros((plan.n_layers, 3)))
-    has_tops = np.zeros(plan.n_layers, np.bool_)
-    has_tops[bins.tops.layer[bins.tops.followed]] = True
-    chosen = np.flatnonzero(has_tops[paths.layer] & roles_with(is_part=True)[paths.role])
+    chosen = np.flatnonzero(bins.tops.is_contoured[paths.layer] & roles_with(is_part=True)[paths.role])
     chosen = np.flatnonzero(find_paths_near(paths, chosen, bins))
     for batch in split_by_length(paths, chosen, _SPACING):
         _measure_paths(paths.take(batch), bins, sections, rule, found)

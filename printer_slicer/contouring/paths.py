@@ -60,12 +60,10 @@ def find_paths_near(paths: Toolpaths, candidates: Int, bins: FacetBins) -> Bool:
 def _may_be_contoured(paths: Toolpaths, bins: FacetBins) -> Bool:
     """Return a mask (M,) of the paths whose role, layer and height allow contouring."""
     tops, plan = bins.tops, paths.plan
-    has_tops = np.zeros(plan.n_layers, np.bool_)
-    has_tops[tops.layer[tops.followed]] = True
-    result = np.isin(paths.role, _CONTOURED_ROLES) & has_tops[paths.layer]
+    result = np.isin(paths.role, _CONTOURED_ROLES) & tops.is_contoured[paths.layer]
     result &= paths.height < plan.height[paths.layer] + _HIGHER  # not several layers high
     result &= paths.z_top - paths.height > tops.base + SAME_TOP
-    result[np.repeat(np.arange(paths.n_paths), np.diff(paths.start))[paths.z_offset != 0]] = False
+    result[paths.path_of_point[paths.z_offset != 0]] = False
     return np.asarray(result)
 
 

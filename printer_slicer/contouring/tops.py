@@ -42,6 +42,13 @@ class Tops(Struct, frozen=True, eq=False):
     followed: Bool
     base: float
 
+    @property
+    def is_contoured(self) -> Bool:
+        """Mask (L,) of the layers in which extrusions follow facets."""
+        result = np.zeros(self.plan.n_layers, np.bool_)
+        result[self.layer[self.followed]] = True
+        return result
+
 
 def find_tops(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0) -> Tops | None:
     """Find the facets that contoured extrusions follow in the layers of a plan; None if there are none.
