@@ -12,7 +12,8 @@ simplification of contours within the resolution of the profile, or the deviatio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,6 +29,9 @@ from printer_slicer.surface.contacts import Contacts, find_contacts
 from printer_slicer.surface.shadow import Shadow, project_surface
 from printer_slicer.surface.vertical_runs import bound_runs, find_main_contact
 from printer_slicer.values import Struct, force_setattr, replace
+
+if TYPE_CHECKING:
+    from printer_slicer.surface.contoured_tops import ContouredLayers
 
 __all__ = [
     "Certificate",
@@ -170,33 +174,17 @@ def _analyse_mesh(mesh: Mesh) -> Surface:
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
     """Return the deviation bound (L,) of each layer of a plan, mm, without computing a whole certificate."""
-    return np.maximum(np.maximum(*_bound_runs(surface, plan)), _bound_contours(surface, plan))
+    bound, contours = np.maximum(*_bound_runs(surface, plan)), _find_contours(surface, plan)
+    return np.maximum(bound, contours.bound_deviations()) if contours else bound
 
 
-def _bound_contours(surface: Surface, plan: LayerPlan) -> Float:
-    """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
-    result = np.zeros(plan.n_layers)
-    if plan.contour_rule is None:
-        return result
-    from printer_slicer.surface.contoured_tops import bound_contoured_runs, group_by_slope  # noqa: PLC0415 - off by default
+def _find_contours(surface: Surface, plan: LayerPlan) -> ContouredLayers | None:
+    """Return the contoured layers of a plan; None if it has no rule of contouring."""
+    if plan.contour_rule is None or plan.containment != "mid":
+        return None
+    from printer_slicer.surface.contoured_tops import ContouredLayers  # noqa: PLC0415 - off by default
 
-    for layers, facets in group_by_slope(surface.triangles, plan):
-        bottom, top = plan.bottom[layers], plan.top[layers]
-        result[layers] = bound_contoured_runs(facets, plan.contour_rule, bottom, top)
-    return result
-
-
-def _compute_contour_changes(surface: Surface, plan: LayerPlan) -> Float:
-    """Return by how much contouring changes the volume errors (L,) of layers, mm³."""
-    result = np.zeros(plan.n_layers)
-    if plan.contour_rule is None:
-        return result
-    from printer_slicer.surface.contoured_tops import compute_volume_changes, group_by_slope  # noqa: PLC0415 - off by default
-
-    for layers, facets in group_by_slope(surface.triangles, plan):
-        heights = plan.bottom[layers], plan.cut[layers], plan.top[layers]
-        result[layers] = compute_volume_changes(facets, plan.contour_rule, *heights)
-    return result
+    return ContouredLayers.of_triangles(surface.triangles, plan, plan.contour_rule)
 
 
 def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
@@ -232,21 +220,56 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
             "cannot certify overlapping layers of different objects",
             remedy="Certify each of stages.stacks: ps.certify(ps.read_surface(stack.mesh), stack.plan)",
         )
-    runs = *_bound_runs(surface, plan), _bound_contours(surface, plan)
+    rising, falling = _bound_runs(surface, plan)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
     volume = _bound_volumes(surface, plan)
     if missing:
         volume[-1] += _bound_volume_above(surface.up, float(top[-1]), surface.height)
-    return Certificate(
+    level = Certificate(
         plan,
-        np.maximum.reduce(runs),
+        np.maximum(rising, falling),
         volume,
         missing,
         max(float(top[-1]) - surface.height, 0.0),
         surface.area,
-        _find_worst_layer(surface, plan, runs, missing),
+        _find_worst_layer(surface, plan, rising, falling, missing),
     )
+    contours = _find_contours(surface, plan)
+    return _add_contours(level, surface, contours) if contours else level
+
+
+def _add_contours(level: Certificate, surface: Surface, contours: ContouredLayers) -> Certificate:
+    """Return the certificate of contoured layers from that of the same layers with level tops."""
+
+    def find_place(layer: int) -> Float:
+        """Return the middle of the steepest facet of a layer, mm."""
+        x, y, z = surface.triangles[contours.find_steepest_facet(layer)].mean(axis=0)
+        return np.array([x, y, np.clip(z, level.plan.bottom[layer], level.plan.top[layer])])
+
+    volume = np.maximum(level.volume + contours.compute_volume_changes(), 0.0)
+    return _raise_bounds(
+        replace(level, volume=volume), contours.bound_deviations(), "contoured facet", find_place
+    )
+
+
+def _raise_bounds(
+    certificate: Certificate, deviation: Float, kind: str, find_place: Callable[[int], Float]
+) -> Certificate:
+    """Raise the bounds of layers to deviations (L,), mm.
+
+    Args:
+        certificate: with other bounds.
+        deviation: (L,) mm.
+        kind: of the worst layer, if it is one of these.
+        find_place: returns the place (3,) of the deviation of a layer, mm.
+    """
+    bound = np.maximum(certificate.bound, deviation)
+    layer = int(bound.argmax())
+    if deviation[layer] <= certificate.max_error:
+        return replace(certificate, bound=bound)
+    x, y, z = find_place(layer).tolist()
+    return replace(certificate, bound=bound, worst=WorstLayer(layer + 1, z, x, y, kind, float(bound[layer])))
 
 
 def certify_stacks(stacks: Sequence[ObjectStack]) -> Certificate:
@@ -271,13 +294,7 @@ def _add_measured(certificate: Certificate, contours: ContourDeviations | None) 
     """Return a certificate in which measured deviations of contoured tops count."""
     if contours is None:
         return certificate
-    bound = np.maximum(certificate.bound, contours.deviation)
-    layer = int(bound.argmax())
-    if contours.deviation[layer] <= certificate.max_error:
-        return replace(certificate, bound=bound)
-    x, y, z = contours.place[layer].tolist()
-    worst = WorstLayer(layer + 1, z, x, y, "contoured top", float(bound[layer]))
-    return replace(certificate, bound=bound, worst=worst)
+    return _raise_bounds(certificate, contours.deviation, "contoured top", contours.place.__getitem__)
 
 
 def _join_certificates(parts: Sequence[Certificate]) -> Certificate:
@@ -342,7 +359,6 @@ def _bound_volumes(surface: Surface, plan: LayerPlan) -> Float:
             total += below[2::2] + below[:-1:2] - 2 * below[1::2]
             if np.abs(aside).max() > _ROUNDING:
                 total += shadow.area_below(cut) * aside
-        total += _compute_contour_changes(surface, plan)
         return np.maximum(total, 0)
     height, bottom, top = top - bottom, bottom + BESIDE, top - BESIDE
     added = (
@@ -362,30 +378,16 @@ def _bound_volume_above(up: Shadow, top: float, height: float) -> float:
 
 
 def _find_worst_layer(
-    surface: Surface, plan: LayerPlan, runs: tuple[Float, Float, Float], missing: float
+    surface: Surface, plan: LayerPlan, rising: Float, falling: Float, missing: float
 ) -> WorstLayer:
-    """Find the layer with the largest bound, and the contact that contributes most to it.
-
-    Args:
-        surface: of the part.
-        plan: the layers.
-        runs: bounds (L,) above the sections, below them, and of the contoured parts of layers, mm.
-        missing: mm by which the part extends above the last layer.
-    """
-    rising, falling, contoured = runs
-    bound = np.maximum.reduce(runs)
+    """Find the layer with the largest bound, and the contact that contributes most to it."""
+    bound = np.maximum(rising, falling)
     layer = int(bound.argmax())
     bottom, top, cut = float(plan.bottom[layer]), float(plan.top[layer]), float(plan.cut[layer])
     if missing > bound[layer] or bound[layer] <= 0:
         x, y, _ = surface.triangles.reshape(-1, 3)[surface.triangles[:, :, 2].argmax()]
         kind = "top" if missing > 0 else "none"
         return WorstLayer(plan.n_layers, surface.height, float(x), float(y), kind, max(missing, 0.0))
-    if contoured[layer] > max(rising[layer], falling[layer]):
-        from printer_slicer.surface.contoured_tops import find_steepest_facet  # noqa: PLC0415 - off by default
-
-        facet = find_steepest_facet(surface.triangles, plan, layer)
-        x, y, z = surface.triangles[facet].mean(axis=0).tolist()
-        return WorstLayer(layer + 1, min(max(z, bottom), top), x, y, "contoured facet", float(bound[layer]))
     whole = plan.containment != "mid"
     if rising[layer] >= falling[layer]:
         begin, end, contacts, turn = bottom if whole else cut, top, surface.contacts, 1

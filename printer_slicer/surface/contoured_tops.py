@@ -17,7 +17,6 @@ surface under its centre line, but not below z0 + a, and it is level across its 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -28,14 +27,7 @@ from printer_slicer.surface.range_maximum import compute_range_maxima
 from printer_slicer.surface.shadow import Shadow
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = [
-    "ShallowFacets",
-    "bound_contoured_runs",
-    "compute_volume_changes",
-    "find_steepest_facet",
-    "group_by_slope",
-    "select_shallow_facets",
-]
+__all__ = ["ContouredLayers", "ShallowFacets", "select_shallow_facets"]
 
 _NO_AREA = 1e-9  # mm²
 _ROUNDING = 1e-6  # mm, and tangents
@@ -106,28 +98,57 @@ def _cross_sides(triangles: Float, x: int, y: int) -> Float:
     return np.asarray((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
 
 
-def group_by_slope(triangles: Float, plan: LayerPlan) -> Iterator[tuple[Int, ShallowFacets]]:
-    """Yield groups of contoured layers (n,) of a plan, each with the facets (F, 3, 3) that are contoured there.
+class ContouredLayers(Struct, frozen=True, eq=False):
+    """The contoured layers of a plan, in groups in which the same facets are contoured.
 
-    The first layer is never contoured.
+    Attributes:
+        plan: the layers.
+        rule: of contouring.
+        groups: layers (n,) of each group, ascending, and the facets that are contoured there.
     """
-    rule = plan.contour_rule
-    if rule is None or plan.containment != "mid":
-        return
-    slope = rule.find_max_slopes(plan.height)
-    facets = ShallowFacets.of_triangles(triangles, float(slope.max()))
-    if not len(facets.slope):
-        return
-    above = (plan.bottom > _ROUNDING) & rule.find_contoured(plan.top)
-    for one in distinct(slope[above]).tolist():
-        yield np.flatnonzero(above & (slope == one)), facets.take_up_to(one)
+
+    plan: LayerPlan
+    rule: ContourRule
+    groups: tuple[tuple[Int, ShallowFacets], ...]
+
+    @classmethod
+    def of_triangles(cls, triangles: Float, plan: LayerPlan, rule: ContourRule) -> ContouredLayers:
+        """Find the facets (F, 3, 3) that are contoured in the layers of a plan; never in the first layer."""
+        slope = rule.find_max_slopes(plan.height)
+        facets = ShallowFacets.of_triangles(triangles, float(slope.max()))
+        above = (plan.bottom > _ROUNDING) & rule.find_contoured(plan.top)
+        steepest = distinct(slope[above]).tolist() if len(facets.slope) else []
+        groups = ((np.flatnonzero(above & (slope == one)), facets.take_up_to(one)) for one in steepest)
+        return cls(plan, rule, tuple(groups))
+
+    def bound_deviations(self) -> Float:
+        """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
+        result = np.zeros(self.plan.n_layers)
+        for layers, facets in self.groups:
+            result[layers] = _bound_runs(facets, self.rule, self.plan.bottom[layers], self.plan.top[layers])
+        return result
+
+    def compute_volume_changes(self) -> Float:
+        """Return by how much contouring changes the volume errors (L,) of layers, mm³."""
+        result = np.zeros(self.plan.n_layers)
+        bottom, cut, top = self.plan.bottom, self.plan.cut, self.plan.top
+        for layers, facets in self.groups:
+            result[layers] = _sum_volume_changes(facets, self.rule, bottom[layers], cut[layers], top[layers])
+        return result
+
+    def find_steepest_facet(self, layer: int) -> int:
+        """Return the index of the steepest of the facets that are contoured in a layer."""
+        (facets,) = (facets for layers, facets in self.groups if layer in layers)
+        reaches = facets.shadow.high > self.plan.bottom[layer] + _ROUNDING
+        reaches &= facets.shadow.low < self.plan.top[layer] - _ROUNDING
+        return int(facets.facet[reaches][-1])
 
 
-def bound_contoured_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float, top: Float) -> Float:
-    """Return the deviation bounds (n,) of layers for their contoured parts only, mm; 0 where nothing is contoured.
+def _bound_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float, top: Float) -> Float:
+    """Return the deviation bounds (n,) of the contoured parts of layers, mm.
 
     Args:
-        facets: those that are contoured in layers of this height.
+        facets: those that are contoured in these layers.
         rule: of contouring.
         bottom: (n,) of the layers, mm, ascending.
         top: (n,) mm, ascending.
@@ -141,13 +162,13 @@ def bound_contoured_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float
     return compute_range_maxima(first[some], last[some], deviation[some], len(top))
 
 
-def compute_volume_changes(
+def _sum_volume_changes(
     facets: ShallowFacets, rule: ContourRule, bottom: Float, cut: Float, top: Float
 ) -> Float:
-    """Return by how much contouring changes the volume errors (n,) of layers of equal height, mm³.
+    """Return by how much contouring changes the volume errors (n,) of layers, mm³.
 
     Args:
-        facets: those that are contoured in layers of this height.
+        facets: those that are contoured in these layers.
         rule: of contouring.
         bottom: (n,) of the layers, mm, ascending.
         cut: (n,) heights of their sections, mm.
@@ -162,11 +183,3 @@ def compute_volume_changes(
     _, half, whole, middle, end = volume
     stairs = rule.width / 4 * (sloping[4] - sloping[1])
     return np.asarray(whole - 2 * half - end + 2 * middle + stairs)
-
-
-def find_steepest_facet(triangles: Float, plan: LayerPlan, layer: int) -> int:
-    """Return the index of the steepest of the facets (F, 3, 3) that are contoured in a layer of a plan."""
-    ((_, facets),) = group_by_slope(triangles, plan.take(np.array([layer])))
-    reaches = facets.shadow.high > plan.bottom[layer] + _ROUNDING
-    reaches &= facets.shadow.low < plan.top[layer] - _ROUNDING
-    return int(facets.facet[reaches][-1])
