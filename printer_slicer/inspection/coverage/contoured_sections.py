@@ -18,6 +18,7 @@ from printer_slicer.inspection.coverage.extrusions import weighted_median
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.coverage.zones import footprint
 from printer_slicer.model import Mesh
+from printer_slicer.surface.contoured_tops import select_shallow_facets
 
 __all__ = ["add_contoured_slopes", "find_least_height"]
 
@@ -57,9 +58,11 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
     has_contours = np.zeros(stack.n_layers, np.bool_)
     has_contours[stack.layer[contoured]] = True
     beads = stack.beads.take(contoured)
-    width, least = weighted_median(beads.width, beads.length), find_least_height(stack)
+    size = weighted_median(beads.width, beads.length), find_least_height(stack)
+    shallow = [select_shallow_facets(part.triangles, _MAX_GRADIENT)[:2] for part in parts]
+    facets = [(part.triangles[facet], slope) for part, (facet, slope) in zip(parts, shallow, strict=True)]
     for one in range(_N_CLASSES):
-        slope = _project_class(parts, stack, one, (width, least)).of_layers(has_contours)
+        slope = _project_class(facets, stack, one, size).of_layers(has_contours)
         slope = difference(slope, sections)
         area = float(slope.area().sum())
         if area > 0 and intersection(slope, printed).area().sum() > _MIN_COVERED * area:
@@ -67,11 +70,13 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
     return sections
 
 
-def _project_class(parts: Sequence[Mesh], stack: Stack, number: int, size: tuple[float, float]) -> Areas:
+def _project_class(
+    facets: Sequence[tuple[Float, Float]], stack: Stack, number: int, size: tuple[float, float]
+) -> Areas:
     """Return the surface of a class of slopes in the lower half of each layer.
 
     Args:
-        parts: see `add_contoured_slopes`.
+        facets: shallow facets (n, 3, 3) that face up, and their slopes (n,) as tangents, of each group of the stack.
         stack: layers of the file.
         number: of the class, from 0.
         size: width and least height of contoured extrusions, mm.
@@ -79,17 +84,16 @@ def _project_class(parts: Sequence[Mesh], stack: Stack, number: int, size: tuple
     width, least = size
     found = [Areas.empty(stack.n_layers)]
     for own in stack.layers_of_groups():
-        part = parts[int(stack.group[own[0]])]
-        gradient = _measure_gradients(part)
+        triangles, gradient = facets[int(stack.group[own[0]])]
         for layers in _layers_by_height(stack, own):
             height = float(stack.height[layers[0]])
             steepness = gradient * width / height / _CLASS
-            chosen = (steepness >= number) & (steepness < number + 1) & (gradient < _MAX_GRADIENT)
+            chosen = (steepness >= number) & (steepness < number + 1)
             if not chosen.any():
                 continue
             low = stack.bottom[layers] + least / 2
             high = np.maximum(stack.bottom[layers] + height / 2, low)
-            slabs = normalize(project_slabs(part.triangles[chosen], low, high))
+            slabs = normalize(project_slabs(triangles[chosen], low, high))
             found.append(slabs.on_layers(layers, stack.n_layers))
     return Areas.merged(found)
 
@@ -99,11 +103,3 @@ def _layers_by_height(stack: Stack, own: Int) -> list[Int]:
     rest = own[1:]
     height = np.round(stack.height[rest] / _SAME_HEIGHT)
     return [rest[height == one] for one in np.unique(height)]
-
-
-def _measure_gradients(part: Mesh) -> Float:
-    """Return the rise per mm (F,) of each facet that faces up; infinite for all others."""
-    a, b, c = part.triangles.transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    up = normal[:, 2] > 0
-    return np.where(up, np.hypot(*normal[:, :2].T) / np.where(up, normal[:, 2], 1.0), np.inf)
