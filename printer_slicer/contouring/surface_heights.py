@@ -15,7 +15,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
 from printer_slicer.contouring.tops import Tops
 from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.facet_topology import expand_counts
-from printer_slicer.geometry.vectors import cross
+from printer_slicer.geometry.vectors import are_in_triangles, cross
 from printer_slicer.model import Sections
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
@@ -136,7 +136,7 @@ class FacetBins(Struct, frozen=True, eq=False):
         )
         facet, point = facet[some], point[some]
         counts = self.tops.slope[facet] <= points.steepest[point] + _ROUNDING
-        counts &= _contain(self.tops.corners[facet, :, :2], *xy[some].T)
+        counts &= are_in_triangles(xy[some], self.tops.corners[facet, :, :2], _BESIDE)
         result = np.full(len(z), -np.inf)
         result[some[counts]] = z[some[counts]]
         return result
@@ -166,17 +166,6 @@ def _find_planes(corners: Float) -> Float:
     y = (one[:, 0] * other[:, 2] - other[:, 0] * one[:, 2]) / area
     z = corners[:, 0, 2] - x * corners[:, 0, 0] - y * corners[:, 0, 1]
     return np.stack([z, x, y], axis=1)
-
-
-def _contain(corners: Float, x: Float, y: Float) -> Bool:
-    """Return which triangles (n, 3, 2), counter-clockwise, contain their point (n,), within rounding."""
-    result = np.ones(len(x), np.bool_)
-    for begin, end in ((0, 1), (1, 2), (2, 0)):
-        from_x, from_y = corners[:, begin, 0], corners[:, begin, 1]
-        side_x, side_y = corners[:, end, 0] - from_x, corners[:, end, 1] - from_y
-        inward = side_x * (y - from_y) - side_y * (x - from_x)
-        result &= inward >= -_BESIDE * np.hypot(side_x, side_y)
-    return result
 
 
 def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:

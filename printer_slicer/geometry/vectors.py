@@ -1,4 +1,4 @@
-"""Products of arrays of vectors, rotations, and the nearest points on segments."""
+"""Products of arrays of vectors, rotations, points in triangles, and the nearest points on segments."""
 
 from __future__ import annotations
 
@@ -9,9 +9,17 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from printer_slicer.arrays import Float
+from printer_slicer.arrays import Bool, Float
 
-__all__ = ["cosine_and_sine", "cross", "dot", "nearest_on_segments", "nearest_share", "norm"]
+__all__ = [
+    "are_in_triangles",
+    "cosine_and_sine",
+    "cross",
+    "dot",
+    "nearest_on_segments",
+    "nearest_share",
+    "norm",
+]
 
 _Number = TypeVar("_Number", np.float64, np.int64)
 _QUARTERS: Final = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
@@ -36,6 +44,15 @@ def cross(a: NDArray[_Number], b: NDArray[_Number]) -> NDArray[_Number]:
     Products of integer lengths up to 10 m in steps of 0.01 µm fit into 64 bits.
     """
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def are_in_triangles(points: Float, corners: Float, beside: float) -> Bool:
+    """Return which points (n, 2) are in their triangle (n, 3, 2), counter-clockwise, or up to `beside` outside it."""
+    result = np.ones(len(points), np.bool_)
+    for begin, end in ((0, 1), (1, 2), (2, 0)):
+        side = corners[:, end] - corners[:, begin]
+        result &= cross(side, points - corners[:, begin]) >= -beside * np.hypot(side[:, 0], side[:, 1])
+    return result
 
 
 def norm(vectors: Float) -> Float:

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
+from printer_slicer.geometry.vectors import are_in_triangles
 from printer_slicer.inspection.coverage.contoured_sections import find_least_height
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.stack import Stack
@@ -17,6 +18,7 @@ from printer_slicer.values import Struct, force_setattr, replace
 
 __all__ = ["SurfaceErrors", "find_surface", "measure_surface_errors"]
 
+_ROUNDING: Final = 1e-9  # mm
 _CELL: Final = 1.0  # mm, cells in which facets and points are joined
 _MOST_PAIRS: Final = 1 << 20  # bounds the memory
 _PIECE: Final = 0.5  # mm
@@ -159,7 +161,7 @@ def find_surface(part: Mesh, points: Float, low: Float, high: Float) -> tuple[Fl
         corners = triangles[facets[facet]]
         at = points[point]
         z = corners[:, 0, 2] + (slope[facet] * (at - corners[:, 0, :2])).sum(axis=1)
-        found = _is_within(corners[:, :, :2], at) & (z >= low[point]) & (z <= high[point])
+        found = are_in_triangles(at, corners[:, :, :2], _ROUNDING) & (z >= low[point]) & (z <= high[point])
         order = np.argsort(z[found], kind="stable")
         which, index = point[found][order], facet[found][order]
         z = z[found][order]
@@ -167,16 +169,6 @@ def find_surface(part: Mesh, points: Float, low: Float, high: Float) -> tuple[Fl
         height[which[higher]] = z[higher]  # ascending, so the highest remains
         gradient[which[higher]] = np.hypot(*slope[index[higher]].T)
     return np.where(np.isfinite(height), height, np.nan), gradient
-
-
-def _is_within(triangles: Float, points: Float) -> Bool:
-    """Return whether points (n, 2) are in counter-clockwise triangles (n, 3, 2)."""
-    result = np.ones(len(points), np.bool_)
-    for k in range(3):
-        a, b = triangles[:, k], triangles[:, (k + 1) % 3]
-        side, way = b - a, points - a
-        result &= side[:, 0] * way[:, 1] - side[:, 1] * way[:, 0] >= -1e-9
-    return result
 
 
 def _pair_by_cell(points: Float, triangles: Float) -> Iterator[tuple[Int, Int]]:
