@@ -113,7 +113,7 @@ def _write_to_disk(file: io.FileIO, data: bytes) -> None:
 
 
 def read_manifest(folder: Path) -> dict[str, BatchResult]:
-    """Return name of the task -> result of those that are done, and whose files are unchanged in the folder.
+    """Return the results of the tasks that are done and whose files in the folder are unchanged, by name of the task.
 
     A line that is damaged, such as one that was cut off when the machine stopped, counts as not done.
     """

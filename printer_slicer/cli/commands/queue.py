@@ -85,7 +85,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--all", action="store_true", help="for list: also jobs that have ended")
     parser.add_argument(
-        "--server", metavar="URL", default="", help="address of a printer-slicer server whose queue to use"
+        "--server",
+        metavar="URL",
+        default="",
+        help="use the queue of the printer-slicer server at this address",
     )
     parser.add_argument(
         "--key-file", metavar="FILE", type=Path, help="for --server: file with the key of the server"
