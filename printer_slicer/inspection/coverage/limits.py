@@ -87,6 +87,26 @@ class _Measure(Struct, frozen=True, eq=False):
     describe: Callable[[int], str]
     locate: Callable[[int], tuple[float, float]]
 
+    @classmethod
+    def above(
+        cls,
+        name: str,
+        amount: Float,
+        limit: float,
+        describe: Callable[[int], str],
+        locate: Callable[[int], tuple[float, float]],
+        *,
+        area: Float | None = None,
+    ) -> _Measure:
+        """Return a quantity that must not exceed its limit; the arguments are attributes.
+
+        With an `area` (L,), mm², layers of which it is at most 1 mm² do not exceed the limit.
+        """
+        exceeds, nearness = amount > limit, _limit_usage(amount, limit)
+        if area is not None:
+            exceeds, nearness = exceeds & (area > _MIN_AREA), np.minimum(nearness, area / _MIN_AREA)
+        return cls(name, amount, exceeds, nearness, limit, describe, locate)
+
 
 def findings(coverage: Coverage, limits: CoverageLimits = CoverageLimits()) -> tuple[Diagnostic, ...]:
     """Return a diagnostic for each run of consecutive layers beyond a limit, the worst first."""
@@ -155,38 +175,34 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
     """Yield all measured quantities of a coverage, each with its limit."""
     uncovered, shell, covered = coverage.uncovered.area(), coverage.shell.area(), coverage.covered.area()
     share = uncovered / np.maximum(shell, 1e-9)
-    yield _Measure(
+    yield _Measure.above(
         "uncovered",
         share,
-        (share > limits.uncovered) & (uncovered > _MIN_AREA),
-        np.minimum(_limit_usage(share, limits.uncovered), uncovered / _MIN_AREA),
         limits.uncovered,
         lambda k: f"{uncovered[k]:.1f} mm² ({share[k]:.0%}) of the shell are not covered",
         lambda k: place_of_largest_area(coverage.uncovered, k),
+        area=uncovered,
     )
     outside = coverage.outside.area()
-    yield _Measure(
+    yield _Measure.above(
         "outside",
         outside,
-        outside > limits.outside,
-        _limit_usage(outside, limits.outside),
         limits.outside,
         lambda k: f"{outside[k]:.1f} mm² are printed outside the outline of the part",
         lambda k: place_of_largest_area(coverage.outside, k),
     )
     fill = coverage.fill
     overlap_share = fill.overlap / np.maximum(covered, 1e-9)
-    yield _Measure(
+    yield _Measure.above(
         "overlap",
         overlap_share,
-        (overlap_share > limits.overlap) & (fill.overlap > _MIN_AREA),
-        np.minimum(_limit_usage(overlap_share, limits.overlap), fill.overlap / _MIN_AREA),
         limits.overlap,
         lambda k: (
             f"extrusions overlap on {fill.overlap[k]:.1f} mm² ({overlap_share[k]:.0%} of the layer),"
             f" up to {fill.most[k]:.1f} times full"
         ),
         lambda k: (float(fill.place[k, 0]), float(fill.place[k, 1])),
+        area=fill.overlap,
     )
     yield from _volume_measures(coverage, limits)
     yield _unsupported_measure(coverage, limits)
@@ -198,11 +214,9 @@ def _list_measures(coverage: Coverage, limits: CoverageLimits) -> Iterator[_Meas
 def _contour_measure(surface: SurfaceErrors, limits: CoverageLimits) -> _Measure:
     """Return the length of extrusion that does not follow the surface, with its limit."""
     length, most = surface.length, surface.most
-    return _Measure(
+    return _Measure.above(
         "contour",
         length,
-        length > limits.contour,
-        _limit_usage(length, limits.contour),
         limits.contour,
         lambda k: (
             f"{length[k]:.0f} mm of a path are up to {abs(most[k]):.2f} mm too {'high' if most[k] > 0 else 'low'}"
@@ -215,16 +229,15 @@ def _contour_measure(surface: SurfaceErrors, limits: CoverageLimits) -> _Measure
 def _outline_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure:
     """Return the distance between printed outline and section outline, with its limit."""
     outline, size = coverage.outline, np.maximum(coverage.sections.area(), coverage.covered.area())
-    return _Measure(
+    return _Measure.above(
         "outline",
         outline.p95,
-        (outline.p95 > limits.outline) & (size > _MIN_AREA),
-        np.minimum(_limit_usage(outline.p95, limits.outline), size / _MIN_AREA),
         limits.outline,
         lambda k: (
             f"outline error {outline.p95[k]:.2f} mm (95th percentile), at most {outline.largest[k]:.2f} mm"
         ),
         lambda k: (float(outline.place[k, 0]), float(outline.place[k, 1])),
+        area=size,
     )
 
 
@@ -269,11 +282,9 @@ def _unsupported_measure(coverage: Coverage, limits: CoverageLimits) -> _Measure
     length, place = coverage.unsupported_length, np.full((coverage.stack.n_layers, 2), np.nan)
     for one in reversed(coverage.unsupported):
         place[coverage.layer_of_unsupported(one)] = one.x, one.y
-    return _Measure(
+    return _Measure.above(
         "unsupported",
         length,
-        length > limits.unsupported,
-        _limit_usage(length, limits.unsupported),
         limits.unsupported,
         lambda k: f"{length[k]:.0f} mm of unsupported extrusion",
         lambda k: (float(place[k, 0]), float(place[k, 1])),
