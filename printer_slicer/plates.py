@@ -85,7 +85,18 @@ def choose_gap(meshes: Sequence[Mesh], profile: Profile) -> float:
     printer, height = profile.printer, max(_measure_top(mesh, profile) for mesh in meshes)
     widest = max(printer.bed_x, printer.bed_y)
     reach = [max(hypot(x, y) for x, y in one.corners) for one in printer.head_shapes if one.height < height]
-    return max([PART_GAP, *(ceil(10 * value) / 10 for value in reach if value < widest)])
+    longest = max((value for value in reach if value < widest), default=0.0)
+    return max(PART_GAP, ceil(10 * (longest + _measure_reach_of_nozzle(profile))) / 10)
+
+
+def _measure_reach_of_nozzle(profile: Profile) -> float:
+    """Return how far nozzle and material may be outside the outlines of two parts together, mm.
+
+    Of the first part, only its material counts; of the other, also travels around its corners.
+    """
+    from printer_slicer.travels import measure_detour_reach  # noqa: PLC0415 - only sequential printing needs it
+
+    return 2 * max(profile.quality.xy_compensation, 0.0) + measure_detour_reach(profile)
 
 
 def find_places(meshes: Sequence[Mesh], profile: Profile, gap: float = PART_GAP) -> Arrangement:
@@ -163,7 +174,8 @@ def _find_parts_above_bars(
         spans = {at: _measure_span(outlines[at], arrangement, at, across) for at in tall}
         for a, b in combinations(tall, 2):
             distance = max(spans[a][0] - spans[b][1], spans[b][0] - spans[a][1])
-            if arrangement.plate[a] == arrangement.plate[b] and distance < np.abs(corners[:, across]).max():
+            needed = np.abs(corners[:, across]).max() + _measure_reach_of_nozzle(profile)
+            if arrangement.plate[a] == arrangement.plate[b] and distance < needed:
                 found |= set(tall)
     return frozenset(found)
 

@@ -10,11 +10,11 @@ from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.model import Sections, Toolpaths, Travels, find_travel_ends
 from printer_slicer.profile import Profile
 from printer_slicer.roles import roles_with
-from printer_slicer.travels.rerouting import reroute
+from printer_slicer.travels.rerouting import measure_detour_reach, reroute
 from printer_slicer.travels.routes import Routes, straight_routes
 from printer_slicer.travels.top_surface import crosses_top_infill
 
-__all__ = ["travel"]
+__all__ = ["measure_detour_reach", "travel"]
 
 _ROWS_OF_SUPPORT = 2.0  # row spacings; shorter travels stay within a support
 

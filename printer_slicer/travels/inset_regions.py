@@ -12,9 +12,11 @@ from printer_slicer.model import Areas
 from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
 from printer_slicer.values import Struct
 
-__all__ = ["InsetRegions", "build_inset_regions", "build_outside_field"]
+__all__ = ["SIMPLER", "InsetRegions", "build_inset_regions", "build_outside_field"]
 
-_SIMPLER = 0.5  # tolerance for simplified outlines, as a fraction of the clearance
+SIMPLER = 0.5
+"""Tolerance for simplified outlines, as a fraction of the clearance."""
+
 _REACH = 4.0  # clearances; points farther outside the inset regions are not moved into them
 
 
@@ -63,7 +65,7 @@ def build_inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float
         box: corners (2,) of a box around all points to be queried, mm.
         clearance: mm.
     """
-    areas = simplify(offset(solid, -clearance), _SIMPLER * clearance)
+    areas = simplify(offset(solid, -clearance), SIMPLER * clearance)
     outer = areas.ring_area() > 0
     around = find_enclosing_rings(
         areas.select(outer), areas.xy[areas.ring_start[:-1][~outer]], areas.ring_layer[~outer]
@@ -87,7 +89,7 @@ def build_outside_field(
         clearance: mm.
         toll: mm by which a route may be longer to cross one outline less.
     """
-    simple = simplify(solid, _SIMPLER * clearance)
+    simple = simplify(solid, SIMPLER * clearance)
     corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
     if simple.n_rings != solid.n_rings:  # some slivers were dropped; otherwise ring numbers agree
         solid, outlines = simple, OutlineIndex(simple, *box)

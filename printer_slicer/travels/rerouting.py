@@ -10,13 +10,18 @@ from printer_slicer.model import Areas
 from printer_slicer.profile import Profile
 from printer_slicer.travels.detour_limit import detour_limits
 from printer_slicer.travels.graphs import RouteQueries
-from printer_slicer.travels.inset_regions import InsetRegions, build_inset_regions, build_outside_field
+from printer_slicer.travels.inset_regions import (
+    SIMPLER,
+    InsetRegions,
+    build_inset_regions,
+    build_outside_field,
+)
 from printer_slicer.travels.routes import Routes, build_routes, drop_repeated_points, move_corners_from_walls
 from printer_slicer.travels.routing import find_routes
-from printer_slicer.travels.routing_field import RoutingField
+from printer_slicer.travels.routing_field import SHARPEST, RoutingField
 from printer_slicer.values import Struct, replace
 
-__all__ = ["reroute"]
+__all__ = ["measure_detour_reach", "reroute"]
 
 _CLEARANCE = (
     0.55  # extrusion widths from route to outline, so that routes do not touch the external perimeter
@@ -25,6 +30,13 @@ _CLOSE = 0.25  # clearance if the normal one leaves no route; passes even walls 
 _ROOM = 0.45  # extra clearance in extrusion widths, where there is room
 _GRAZING = 3.0  # mm by which a route may be longer to keep its clearance from outlines
 _TOLL = 3.0  # mm by which a route with a retraction may be longer to cross one outline less
+
+
+def measure_detour_reach(profile: Profile) -> float:
+    """Return how far routes around corners may lead beyond the convex hull of the part, mm."""
+    if not profile.quality.avoid_crossing:
+        return 0.0
+    return (_CLEARANCE * (1 / SHARPEST + SIMPLER) + _ROOM) * profile.extrusion_width
 
 
 def reroute(

@@ -10,10 +10,12 @@ from printer_slicer.geometry.vectors import cross
 from printer_slicer.model import Areas
 from printer_slicer.values import Struct
 
-__all__ = ["OFF", "Corners", "RoutingField"]
+__all__ = ["OFF", "SHARPEST", "Corners", "RoutingField"]
 
 OFF = 0.002  # mm from the outlines, so that a route along them does not touch them
-_SHARPEST = 0.5  # cosine of half the turn; sharper corners are passed no farther away than at this angle
+SHARPEST = 0.5
+"""Cosine of half the turn; sharper corners are passed no farther away than at this angle."""
+
 _COLUMNS = ("place", "tip", "away", "before", "after", "ring")
 
 
@@ -53,7 +55,7 @@ class Corners(Struct, frozen=True, eq=False):
         some = np.flatnonzero(sign * cross(coming, going) > 0)
         # Its length is twice the sine of half the angle by which the outline turns.
         turn = (coming - going)[some]
-        away, cosine = _normalize(turn), np.sqrt(np.maximum(1 - (turn**2).sum(axis=1) / 4, _SHARPEST**2))
+        away, cosine = _normalize(turn), np.sqrt(np.maximum(1 - (turn**2).sum(axis=1) / 4, SHARPEST**2))
         tip = areas.xy[some]
         place = tip + (off / cosine)[:, None] * away
         return cls(place, tip, away, before[some], after[some], areas.point_ring[some])

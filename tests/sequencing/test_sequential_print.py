@@ -12,7 +12,9 @@ from printer_slicer.errors import PartError, ProfileError
 from printer_slicer.importing import ImportedProfile
 from printer_slicer.inspection.dry_run.runner import dry_run
 from printer_slicer.model import Fan, Heat
+from printer_slicer.plates import choose_gap
 from printer_slicer.roles import Role
+from printer_slicer.travels import measure_detour_reach
 from tests.importing.files import flat_file, imported
 from tests.parts import box, joined
 from tests.sequencing.head_contacts import find_contacts, list_objects
@@ -263,3 +265,13 @@ def test_no_arranged_part_stands_in_a_notch_of_another() -> None:
     profile = load(**{"printer.head": "0: 10, 12: -9999x-9999 9999x9999"})
     (plate,) = ps.arrange(parts, profile)
     assert sorted(list_objects(ps.slice_stages(plate, profile, placement=AS_PLACED))) == [0, 1]
+
+
+def test_arranged_parts_leave_room_for_travels_around_their_corners() -> None:
+    """The head reaches exactly from part to part; its nozzle travels a little outside the part, and must have room."""
+    parts = [ps.Mesh(box((20, 20, 5)).triangles, name) for name in ("one", "two")]
+    kept, moved = (choose_gap(parts, load(avoid_crossing=avoids)) for avoids in (False, True))
+    assert kept == pytest.approx(15, abs=0.1)
+    assert moved == pytest.approx(kept + measure_detour_reach(load()), abs=0.1)
+    wider = choose_gap(parts, load(avoid_crossing=False, xy_compensation=0.2))
+    assert wider == pytest.approx(kept + 0.4, abs=0.1)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from printer_slicer.geometry import Areas
 from printer_slicer.model import LayerPlan, Sections, Toolpaths
 from printer_slicer.roles import Role
-from printer_slicer.travels import travel
+from printer_slicer.travels import measure_detour_reach, travel
 from printer_slicer.travels.detour_limit import detour_limits
 from tests.parts import profile, shape, shapely
 from tests.strategies import clean_areas
@@ -55,6 +55,16 @@ def test_a_way_across_a_bay_follows_the_outline() -> None:
     assert travels.crossings.tolist() == [0, 0]
     assert U_SHAPE.contains(shapely.LineString(line))
     assert length_of(line) == pytest.approx(2 * np.hypot(3, 10) + 10, rel=0.06)
+
+
+def test_a_way_around_a_wall_stays_within_the_reach_of_detours() -> None:
+    three = shapely.union_all([shapely.box(x, 0, x + wide, 8) for x, wide in ((0, 5), (7, 2), (11, 5))])
+    paths, travels = travelled(three, (4, 7), (12, 7))
+    line = way(paths, travels, 1)
+
+    assert travels.crossings[1] == 2  # not 4, because it does not cross the wall between
+    assert 0 < line[:, 1].max() - 8 <= measure_detour_reach(profile())
+    assert measure_detour_reach(profile(avoid_crossing=False)) == 0
 
 
 def test_a_way_that_would_graze_a_corner_keeps_away_from_it() -> None:
