@@ -14,7 +14,7 @@ from printer_slicer.orienting.part_shape import PartShape
 from printer_slicer.orienting.stability import measure_standing
 from printer_slicer.orienting.support_estimate import estimate_supports
 from printer_slicer.orienting.surface_samples import TurnedSamples
-from printer_slicer.orienting.turning import find_angles
+from printer_slicer.orienting.turning import find_angles, find_upright_frame
 from printer_slicer.planning.slopes import cusp_height
 from printer_slicer.profile import Profile
 
@@ -38,7 +38,9 @@ def rate_frame(shape: PartShape, frame: Float, profile: Profile, cost_model: Cos
     low, high = corners.min(axis=0), corners.max(axis=0)
     samples = _turn_samples(shape, frame, low)
     size = high - low
-    seconds, stairs = _time_layers(samples, shape.volume, size, cost_model, profile)
+    upright = find_upright_frame(shape, -frame[2])  # the turn about z makes no difference
+    width = float(np.hypot(*np.ptp(shape.hull @ upright[:2].T, axis=0))) / 2
+    seconds, stairs = _time_layers(samples, shape.volume, (width, float(size[2])), cost_model, profile)
     space, area = estimate_supports(samples, cost_model)
     extruded = cost_model.compute_support_volume(space, area)
     minutes = (seconds + float(cost_model.times.compute_support_seconds(*extruded))) / 60
@@ -69,18 +71,18 @@ def _turn_samples(shape: PartShape, frame: Float, low: Float) -> TurnedSamples:
 
 
 def _time_layers(
-    samples: TurnedSamples, volume: float, size: Float, cost_model: CostModel, profile: Profile
+    samples: TurnedSamples, volume: float, size: tuple[float, float], cost_model: CostModel, profile: Profile
 ) -> tuple[float, float]:
     """Return the print time of the part without supports, s, and the volume of the stairs on its slopes, mm³.
 
     Args:
         samples: of the turned part.
         volume: of the part, mm³.
-        size: (3,) of the turned part, mm.
+        size: mean width and height of the turned part, mm.
         cost_model: of the profile.
         profile: gives the tolerance of layers.
     """
-    times, step = cost_model.times, max(float(size[2]) / _N_BINS, 1e-9)
+    times, step = cost_model.times, max(size[1] / _N_BINS, 1e-9)
     _, rise, area, _ = samples
     of = np.clip((samples.points[2] / np.float32(step)).astype(np.int64), 0, _N_BINS - 1)
 
@@ -100,7 +102,7 @@ def _time_layers(
     )
     sections = _measure_sections(add_up(area * rise), volume)
     volumes = times.divide(add_up(area * sine), solid, add_up(filled * ~is_flat), sections)
-    width = np.full(_N_BINS, float(np.hypot(*size[:2])) / 2)
+    width = np.full(_N_BINS, size[0])
     seconds = times.compute_seconds(volumes, step / height, width, height)
     return float(seconds.sum()), float(add_up(stairs) @ height) * cost_model.stair_share
 

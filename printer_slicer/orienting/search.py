@@ -15,7 +15,7 @@ from printer_slicer.orienting.part_shape import PartShape, measure_shape
 from printer_slicer.orienting.ratings import rate_frame
 from printer_slicer.orienting.rough_ratings import rate_roughly
 from printer_slicer.orienting.stability import is_stable, may_stand
-from printer_slicer.orienting.turning import find_upright_frame
+from printer_slicer.orienting.turning import find_upright_frame, turn_for_infill
 from printer_slicer.profile import Profile
 from printer_slicer.values import replace
 
@@ -109,13 +109,13 @@ def _take_best(
 
 
 def _rate(shape: PartShape, down: Float, profile: Profile, cost_model: CostModel) -> Orientation:
-    """Rate a direction (3,) of a part that points down; turn it by 90 degrees if only then it fits the bed."""
-    frame = find_upright_frame(shape, down)
-    rated = rate_frame(shape, frame, profile, cost_model)
-    if rated.fits:
-        return rated
-    quarter = rate_frame(shape, np.stack([-frame[1], frame[0], frame[2]]), profile, cost_model)
-    return quarter if quarter.fits else rated
+    """Rate a direction (3,) of a part that points down, turned about z so that it prints quickly and fits the bed."""
+    along_x = find_upright_frame(shape, down)
+    along_y = np.stack([-along_x[1], along_x[0], along_x[2]])
+    frames = (turn_for_infill(shape, along_x, profile.quality.infill_angle_deg), along_x, along_y)
+    rated = (rate_frame(shape, frame, profile, cost_model) for frame in frames)
+    first = next(rated)
+    return first if first.fits else next((one for one in rated if one.fits), first)
 
 
 def sort_orientations(rows: list[Orientation]) -> tuple[Orientation, ...]:

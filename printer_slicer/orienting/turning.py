@@ -8,16 +8,26 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.geometry import convex_hull
-from printer_slicer.geometry.vectors import norm
+from printer_slicer.geometry.raster import Float32
+from printer_slicer.geometry.vectors import cosine_and_sine, norm
 from printer_slicer.model import Mesh
 from printer_slicer.orienting.part_shape import PartShape
 from printer_slicer.orienting.stability import make_frame
 from printer_slicer.placing import transform
 
-__all__ = ["find_angles", "find_upright_frame", "turn_mesh"]
+__all__ = ["find_angles", "find_upright_frame", "turn_for_infill", "turn_mesh"]
 
 _DIGITS: Final = 6  # of angles in degrees; 0.000 002 mm at a distance of 100 mm
 _SAME: Final = 1e-6  # relative to the size; smaller differences are rounding errors
+_TURNS: Final = (
+    0.0,
+    45.0,
+    15.0,
+    30.0,
+    60.0,
+    75.0,
+)  # degrees; of turns that are about as good, the first is taken
+_SAME_ENDS: Final = 0.01  # share of the ends of infill lines; turns that differ by less are about as good
 
 
 def find_upright_frame(shape: PartShape, down: Float) -> Float:
@@ -41,6 +51,30 @@ def find_upright_frame(shape: PartShape, down: Float) -> Float:
     is_behind = offset[0] > slack or (abs(offset[0]) <= slack and offset[1] > slack)
     frame[:2] *= -1.0 if is_behind else 1.0
     return frame
+
+
+def turn_for_infill(shape: PartShape, frame: Float, infill_angle: float) -> Float:
+    """Return the rows of `frame` (3, 3) turned about z by up to 75 degrees, so that lines of infill have the fewest ends.
+
+    The printer slows down at each end. A wall interrupts the more lines, the more squarely it stands to them.
+
+    Args:
+        shape: the part.
+        frame: axes of the turned part in the axes of the shape.
+        infill_angle: direction of the lines, degrees; those of every other layer are perpendicular.
+    """
+    walls = (frame[:2].astype(np.float32) @ shape.samples.normals) * shape.samples.area
+    ends = np.array([_count_ends(walls, infill_angle - turn) for turn in _TURNS])
+    c, s = cosine_and_sine(_TURNS[int((ends <= (1 + _SAME_ENDS) * ends.min()).argmax())])
+    x, y, z = frame
+    return np.stack([c * x - s * y, s * x + c * y, z])
+
+
+def _count_ends(walls: Float32, angle: float) -> float:
+    """Return a measure of the ends of lines in a direction, degrees, and perpendicular to it, between walls (2, n)."""
+    c, s = cosine_and_sine(angle)
+    along, across = (np.float32(a) * walls[0] + np.float32(b) * walls[1] for a, b in ((c, s), (-s, c)))
+    return float(np.abs(along).sum(dtype=np.float64) + np.abs(across).sum(dtype=np.float64))
 
 
 def _find_longest_side(outline: Float) -> Float:

@@ -19,12 +19,13 @@ from printer_slicer.orienting.part_shape import measure_shape
 from printer_slicer.orienting.ratings import rate_frame
 from printer_slicer.orienting.rough_ratings import rate_roughly
 from printer_slicer.orienting.stability import is_stable, make_frame, may_stand, measure_standing
-from printer_slicer.orienting.turning import find_angles, find_upright_frame, turn_mesh
+from printer_slicer.orienting.turning import find_angles, find_upright_frame, turn_for_infill, turn_mesh
 from printer_slicer.profile import profile_with
 from tests.parts import box, box_with_hole, cone, joined, pyramid, sheared_prism, sphere
 from tests.supports.shapes import bracket, hook, mushroom, table, tee
 
 PROFILE = ps.load_profile("marlin_220", quality="standard")
+SLAB = measure_shape(box((30, 20, 5)).triangles)
 SUPPORTED = profile_with(PROFILE, {"quality.support": "auto"})
 BRACE = ps.Mesh(
     joined([box((40, 12, 4)), box((4, 12, 25)), box((9, 5, 9), at=(20, 2, 4))]).triangles, "brace"
@@ -310,12 +311,35 @@ def test_a_part_that_falls_over_is_turned_although_that_costs_more() -> None:
 
 
 def test_a_part_that_is_too_long_for_the_bed_is_set_upright() -> None:
-    part = box((230, 70, 60))
+    part = box((245, 80, 70))
     found = ps.find_orientations(part, PROFILE)
 
     assert not found.original.fits
     assert found.chosen.fits
-    assert ps.orient(part, PROFILE).height == pytest.approx(230)
+    assert ps.orient(part, PROFILE).height == pytest.approx(245)
+
+
+def test_a_part_longer_than_the_bed_lies_across_it() -> None:
+    turned = ps.orient(box((230, 70, 60)), PROFILE)
+    assert turned.height == pytest.approx(60)
+    assert turned.size[:2] == pytest.approx(300 / np.sqrt(2))
+
+
+def test_walls_are_turned_to_lie_along_or_across_lines_of_infill() -> None:
+    for angle, size in ((45.0, 50 / np.sqrt(2)), (0.0, 30.0), (90.0, 30.0)):
+        own = profile_with(PROFILE, {"infill_angle_deg": angle})
+        frame = find_upright_frame(SLAB, np.array([0.0, 0.0, -1.0]))
+        turned = turn_for_infill(SLAB, frame, own.quality.infill_angle_deg)
+        assert np.ptp(SLAB.hull @ turned.T, axis=0)[0] == pytest.approx(size)
+
+
+def test_the_estimate_does_not_depend_on_the_turn_about_z() -> None:
+    shape = measure_shape(BRACE.triangles)
+    frame, cost_model = np.eye(3), CostModel(PROFILE)
+    c, s = np.sqrt([0.3, 0.7])
+    turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ frame
+    costs = [rate_frame(shape, one, PROFILE, cost_model).cost for one in (frame, turned)]
+    assert costs[1] == pytest.approx(costs[0], rel=0.01)
 
 
 def test_prices_decide_between_support_and_surface() -> None:
