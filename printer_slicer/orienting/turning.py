@@ -54,7 +54,7 @@ def find_upright_frame(shape: PartShape, down: Float) -> Float:
 
 
 def turn_for_infill(shape: PartShape, frame: Float, infill_angle: float) -> Float:
-    """Return the rows of `frame` (3, 3) turned about z by up to 75 degrees, so that lines of infill have the fewest ends.
+    """Return the rows of `frame` (3, 3) turned about z by up to 75 degrees, so that infill lines have the fewest ends.
 
     The printer slows down at each end. A wall interrupts the more lines, the more squarely it stands to them.
 
