@@ -7,6 +7,7 @@ to stand apart. All planes are layer tops in all plans, and the certificate of e
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -23,29 +24,45 @@ from printer_slicer.planning.shared_layer_times import (
     compute_time_shares,
 )
 from printer_slicer.profile import Profile, profile_with
-from printer_slicer.profile.object_profiles import list_overridden_objects
+from printer_slicer.profile.planners import HeightRange
 
-__all__ = ["prepare_feature_plans"]
+__all__ = ["explain_unused_features", "prepare_feature_plans"]
 
 _FEWEST_LAYERS: Final = 5  # thickest layers in a range; features that are not so high are not worth a stack
+
+_NO_FEATURES: Final = "planner.stacks = features has no effect"
 
 PlanFeatures = Callable[[Mapping[str, float | str]], tuple[ObjectStack, ...]]
 """Plans all features with changed settings."""
 
 
+def explain_unused_features(part: Mesh) -> str:
+    """Return why no feature of a part can have layers of its own; empty if nothing is against it."""
+    if len(part.objects) > 1:
+        return f"{_NO_FEATURES} on a plate with several objects; each object may have layers of its own"
+    if part.all_volumes:
+        return (
+            f"{_NO_FEATURES} on a part with modifiers, negative volumes, or enforcers or blockers of supports"
+        )
+    return ""
+
+
 def prepare_feature_plans(part: Mesh, profile: Profile) -> PlanFeatures | None:
     """Return a function that plans the features of a part; None if the part has no features.
 
-    Only a part that is a single object has plans for features. It must have no modifiers or other volumes, the profile
-    no overrides for objects, no height ranges, no `max_layers` and no spiral.
+    Only a part that is a single object has plans for features (`explain_unused_features`). A feature does not begin or
+    end within a height range that sets the layer height.
     """
-    dials = profile.dials
-    if part.all_volumes or dials.ranges or dials.max_layers or profile.quality.spiral:
+    if explain_unused_features(part):
         return None
-    shortest = _FEWEST_LAYERS * profile.thickest
-    is_changed = bool(list_overridden_objects(profile))
-    ranges = [] if is_changed else find_feature_ranges(part, profile.printer.z_step, shortest)
-    found = [(one, meshes) for one in ranges if (meshes := clip_features(part, one))]
+    ranges = find_feature_ranges(part, profile.printer.z_step, _FEWEST_LAYERS * profile.thickest)
+    forced = [one for one in profile.dials.ranges if one.layer_height]
+    found = [
+        (one, meshes)
+        for one in ranges
+        if not any(_is_within(z, fixed) for z in (one.low, one.high) for fixed in forced)
+        and (meshes := clip_features(part, one))
+    ]
     if not found:
         return None
     price = compute_error_price(part, profile)
@@ -63,10 +80,9 @@ _FoundRanges = Sequence[tuple[FeatureRange, Sequence[Mesh]]]
 
 def _plan_features(part: Mesh, found: _FoundRanges, profile: Profile) -> tuple[ObjectStack, ...]:
     """Plan the whole part, and each feature; ranges whose plans do not meet at the planes get no stacks."""
-    ends = [
-        {"low": place.low, "high": place.high, "tolerance": profile.quality.tolerance} for place, _ in found
-    ]
-    ranged = profile_with(profile, {"quality.planner.ranges": ends})
+    ranged = profile_with(
+        profile, {"quality.planner.ranges": _divide_ranges([one for one, _ in found], profile)}
+    )
     base = plan_layers(part, ranged)
     between = _clip_between(part, [place for place, _ in found])
     stacks, kept = list[ObjectStack](), list[FeatureRange]()
@@ -79,6 +95,30 @@ def _plan_features(part: Mesh, found: _FoundRanges, profile: Profile) -> tuple[O
         return (ObjectStack(plan_layers(part, profile), part, (0,)),)
     stacks += _make_common_stacks(part, base, kept)
     return tuple(sorted(stacks, key=lambda one: float(one.plan.bottom[0])))
+
+
+def _divide_ranges(places: Sequence[FeatureRange], profile: Profile) -> list[dict[str, float]]:
+    """Return height ranges with the settings of the profile, so that planes lie at the ends of features.
+
+    The ranges of the profile are divided at these ends, and others have its tolerance.
+    """
+    ends = [z for place in places for z in (place.low, place.high)]
+    divided = []
+    for one in profile.dials.ranges:
+        own = {"tolerance": one.tolerance, "layer_height": one.layer_height}
+        borders = [one.low, *sorted(z for z in ends if _is_within(z, one)), one.high]
+        divided += [{"low": low, "high": high, **own} for low, high in pairwise(borders)]
+    for place in places:
+        borders = sorted({place.low, place.high, *(z for one in divided for z in (one["low"], one["high"]))})
+        for low, high in pairwise(z for z in borders if place.low <= z <= place.high):
+            if not any(one["low"] < high and one["high"] > low for one in divided):
+                divided.append({"low": low, "high": high, "tolerance": profile.quality.tolerance})
+    return divided
+
+
+def _is_within(z: float, place: HeightRange) -> bool:
+    """Return whether a height is above the lower end of a range and below its upper end."""
+    return bool(place.low + SAME_TOP < z < place.high - SAME_TOP)
 
 
 def _clip_between(part: Mesh, ranges: Sequence[FeatureRange]) -> Float:

@@ -434,9 +434,10 @@ def _cut(
     if features:
         from printer_slicer.feature_layers import cut_features  # noqa: PLC0415 - off by default
 
+        [_], _, [mine] = split_objects(part, features[0].plan, profile)
         report("slicing")
         n = len(features)
-        return [part] * n, cut_features(part, features, profile), [profile] * n
+        return [part] * n, cut_features(part, features, mine), [mine] * n
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     return meshes, cut_objects(meshes, plans, own), own

@@ -144,6 +144,51 @@ def test_what_features_cannot_have_is_refused(changes: dict[str, Any], problem: 
         optimal(**changes)
 
 
+RANGES = "4:6:tolerance=0.04; 9:20:tolerance=0.3"
+
+
+def test_features_keep_height_ranges_of_the_profile() -> None:
+    part, profile = slice_stages(towers(), plain()).part, optimal(planner__ranges=RANGES)
+    plan_features = prepare_feature_plans(part, profile)
+    assert plan_features
+    stacks = plan_features({})
+    assert len(stacks) == 3
+    for one in stacks:
+        inside = (one.plan.bottom >= 4 - ROUNDING) & (one.plan.top <= 6 + ROUNDING)
+        certificate = certify_stacks([one])
+        assert (certificate.bound[inside] <= 0.04 + ROUNDING).all()
+        if one.outline:
+            assert all(np.abs(one.plan.top - z).min() < ROUNDING for z in (4, 6, 9))
+
+
+def test_a_range_with_a_layer_height_has_no_ends_of_features() -> None:
+    part = slice_stages(towers(), plain()).part
+    for low, is_kept in ((1.0, False), (2.0, True), (3.0, True)):
+        profile = optimal(planner__ranges=f"{low}:6:layer_height=0.2")
+        assert (prepare_feature_plans(part, profile) is not None) == is_kept
+
+
+def test_features_are_printed_with_the_settings_of_their_object() -> None:
+    part = slice_stages(towers(), plain()).part
+    profile = optimal(overrides="towers:perimeters=3")
+    plan_features = prepare_feature_plans(part, profile)
+    assert plan_features
+    stages = slice_stages(part, profile, plan=plan_features({}))
+    three = slice_stages(part, optimal(perimeters=3), plan=stages.stacks)
+    assert stages.program.filament.sum() == pytest.approx(three.program.filament.sum())
+
+
+def test_a_warning_says_why_there_are_no_features(tmp_path: Path) -> None:
+    (tmp_path / "towers.stl").write_bytes(binary_stl(towers().triangles))
+    (tmp_path / "box.stl").write_bytes(binary_stl(box((5, 5, 5), at=(25, 25, 4)).triangles))
+    options = ("--planner", "optimal", "--set", "planner.stacks=features")
+    for command, out in (("slice", ("-o", "out.gcode")), ("plan", ())):
+        several = typed(command, "towers.stl", "box.stl", "--arrange", *options, *out, cwd=tmp_path)
+        modified = typed(command, "towers.stl", "--modifier", "box.stl", *options, *out, cwd=tmp_path)
+        assert "planner.stacks = features has no effect on a plate with several objects" in several.err
+        assert "planner.stacks = features has no effect on a part with modifiers" in modified.err
+
+
 def test_slice_reports_features_and_check_compares_each_on_its_own_layers(tmp_path: Path) -> None:
     (tmp_path / "towers.stl").write_bytes(binary_stl(towers(roof=2.0).triangles))
     options = ("--planner", "optimal", "--set", "planner.stacks=features", "--set", "planner.error_price=200")

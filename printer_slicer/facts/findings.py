@@ -7,12 +7,18 @@ from typing import Any, Final
 
 from printer_slicer.facts.overhangs import list_blocked_island_warnings, list_unused_volume_warnings
 from printer_slicer.inspection.deposition.unsupported import UnsupportedExtrusion, describe_unsupported
-from printer_slicer.model import LayerPlan
+from printer_slicer.model import LayerPlan, Mesh
 from printer_slicer.profile import Profile
 from printer_slicer.profile.object_profiles import list_height_overrides, list_support_styles
+from printer_slicer.profile.planners import OptimalPlanner
 from printer_slicer.stages import Stages
 
-__all__ = ["choose_unsupported_remedy", "list_slicing_warnings", "list_unsupported_facts"]
+__all__ = [
+    "choose_unsupported_remedy",
+    "list_planning_warnings",
+    "list_slicing_warnings",
+    "list_unsupported_facts",
+]
 
 _SUPPORTING: Final = "print supports (support = auto)"
 _COARSE_Z_STEP: Final = 0.02  # mm
@@ -41,7 +47,19 @@ def list_slicing_warnings(
         *list_unused_volume_warnings(stages, profile),
         *_list_unused_range_warnings(profile, stages.sections.plan),
         *_list_contouring_warnings(profile, stages.sections.plan),
+        *list_planning_warnings(stages.part, profile),
     ]
+
+
+def list_planning_warnings(part: Mesh, profile: Profile) -> list[str]:
+    """Return the warnings about settings of the planner that have no effect on a part."""
+    planner = profile.quality.planner
+    if not isinstance(planner, OptimalPlanner) or planner.stacks != "features":
+        return []
+    from printer_slicer.feature_stacks import explain_unused_features  # noqa: PLC0415 - off by default
+
+    problem = explain_unused_features(part)
+    return [problem] if problem else []
 
 
 def _list_unsupported_warnings(

@@ -19,7 +19,14 @@ from printer_slicer.cli.arguments import (
 from printer_slicer.cli.help import mark_advanced
 from printer_slicer.cli.matrix import add_matrix_option, load_combinations
 from printer_slicer.cli.opening import add_open_option, open_files
-from printer_slicer.cli.output import Milestones, check_outputs, describe_picture, show_stages, write_file
+from printer_slicer.cli.output import (
+    Milestones,
+    check_outputs,
+    describe_picture,
+    show_stages,
+    warn,
+    write_file,
+)
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import UsageError
 from printer_slicer.texts import format_duration, format_significant
@@ -113,6 +120,7 @@ def _run_planners(arguments: argparse.Namespace) -> int:
         part = place(mesh, profile.printer, plate.placement)
         shift = np.asarray(mesh.bounds[0] - part.bounds[0])
         del mesh
+        unused = _warn_of_unused_settings(arguments, part, profile)
         report("planning")
         chosen = plan_objects(part, profile)
         certificate = certify_stacks(chosen)
@@ -128,17 +136,26 @@ def _run_planners(arguments: argparse.Namespace) -> int:
             _draw_plan(part, cuts, certificate, profile, arguments)
     facts = collect_certificate_facts(
         certificate, chosen, profile, shift, _find_print_time(rows, _format_plan_name(profile))
-    )
-    facts |= {"thin_features": _measure_thin_features(chosen)}
+    ) | {"thin_features": _measure_thin_features(chosen)}
     repaired = list_repair_facts(repairs)
     if arguments.json:
         plans = {"part": table, "plans": rows, "certificate": facts}
         plans |= {"layers": _list_layer_facts(certificate), "repairs": repaired}
-        print(json.dumps(plans | plate.collect_facts() | collect_profile_facts(arguments)))
+        plans |= plate.collect_facts() | {"warnings": [*plate.warnings, *unused]}
+        print(json.dumps(plans | collect_profile_facts(arguments)))
     elif not arguments.quiet:
         print(_format_plans(arguments, table, rows))
         print("\n".join(_format_certificate(arguments, _format_plan_name(profile), facts, repaired)))
     return 0
+
+
+def _warn_of_unused_settings(arguments: argparse.Namespace, part: Mesh, profile: Profile) -> list[str]:
+    """Print and return the warnings about settings of the planner that have no effect."""
+    from printer_slicer.facts.findings import list_planning_warnings
+
+    found = list_planning_warnings(part, profile)
+    warn(arguments, found)
+    return found
 
 
 def _run_matrix(arguments: argparse.Namespace) -> int:
