@@ -40,6 +40,7 @@ from printer_slicer.roles import roles_with
 MODELS: Final = ("benchy", "bp_case", "crazyradio", "idler_riser", "fandisk", "ringing_tower")
 MADE_NAMES: Final = ("tee", "hook", "bracket", "table", "mushroom", "figure")
 SEED: Final = 20_261
+_SAME: Final = 0.002  # of the size
 Turn = Callable[[Mesh], Mesh]
 
 
@@ -53,6 +54,7 @@ class Run(NamedTuple):
         grams: filament of supports, g.
         seconds: CPU time of turning, s.
         down: direction of the part that points down, in coordinates of its file.
+        looks: size and centre of the turned surface, mm; the same for sides of a part that are alike.
     """
 
     part: str
@@ -62,6 +64,7 @@ class Run(NamedTuple):
     grams: float
     seconds: float
     down: tuple[float, float, float]
+    looks: tuple[float, ...]
 
     @property
     def score(self) -> float:
@@ -92,6 +95,14 @@ def find_down(before: Mesh, after: Mesh) -> Float:
     edges = [(mesh.triangles[:, 1:] - mesh.triangles[:, :1]).reshape(-1, 3) for mesh in (before, after)]
     down, *_ = np.linalg.lstsq(edges[0], -edges[1][:, 2], rcond=None)
     return np.asarray(down / np.linalg.norm(down))
+
+
+def find_looks(mesh: Mesh) -> tuple[float, ...]:
+    """Return the size of a part, and the centre of its surface from the lowest corner, mm."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    center = (area @ (a + b + c)) / (3 * area.sum()) - mesh.bounds[0]
+    return (*mesh.size.tolist(), *center.tolist())
 
 
 def tweaker(folder: Path) -> Turn:
@@ -133,7 +144,7 @@ def parts(models: Path | None, names: Sequence[str]) -> Mapping[str, Mesh]:
 def measure(name: str, mesh: Mesh, turns: int, programs: Mapping[str, Turn], profile: Profile) -> list[Run]:
     """Return the runs of one part: as its maker oriented it, and turned at random and then by each program."""
     minutes, grams = sliced(mesh, profile)
-    runs = [Run(name, "maker", 0, minutes, grams, 0.0, (0.0, 0.0, -1.0))]
+    runs = [Run(name, "maker", 0, minutes, grams, 0.0, (0.0, 0.0, -1.0), ())]
     rng = np.random.default_rng(SEED)
     for number in range(1, turns + 1):
         given = rotated(mesh, random_rotation(rng))
@@ -147,7 +158,7 @@ def measure(name: str, mesh: Mesh, turns: int, programs: Mapping[str, Turn], pro
             except PartError as error:
                 print(f"{name}, turn {number}, {program}: {error}", file=sys.stderr)
                 continue
-            runs.append(Run(name, program, number, minutes, grams, seconds, (x, y, z)))
+            runs.append(Run(name, program, number, minutes, grams, seconds, (x, y, z), find_looks(result)))
             print(
                 f"  {name:<16}{number:>3}  {program:<10}{minutes:>8.1f} min{grams:>8.2f} g{seconds:>8.2f} s CPU",
                 flush=True,
@@ -178,7 +189,7 @@ def summarize(runs: Sequence[Run]) -> str:
             ratios[program] += [
                 run.score / others.get(run.turn, others.get(0, np.nan)) for run in own["ours"]
             ]
-        spread = max((angle_between(a.down, b.down) for a in own["ours"] for b in own["ours"]), default=0.0)
+        spread = max((find_difference(a, b) for a in own["ours"] for b in own["ours"]), default=0.0)
         scores = "".join(f"{worst[program]:>10.1f}" for program in programs)
         lines.append(f"{name:<16}{scores}{worst['ours'] / worst['maker']:>12.3f}{spread:>8.1f}°")
     for program in programs:
@@ -188,6 +199,13 @@ def summarize(runs: Sequence[Run]) -> str:
                 f"ours / {program}: median {median(known):.3f}, largest {max(known):.3f}, of {len(known)} runs"
             )
     return "\n".join(lines)
+
+
+def find_difference(one: Run, other: Run) -> float:
+    """Return the angle between two answers for a part, degrees; 0 if the turned parts look the same."""
+    if np.allclose(one.looks, other.looks, atol=_SAME * max(one.looks)):
+        return 0.0
+    return angle_between(one.down, other.down)
 
 
 def angle_between(a: Sequence[float], b: Sequence[float]) -> float:

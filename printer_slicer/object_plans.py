@@ -13,6 +13,7 @@ from printer_slicer.errors import UsageError
 from printer_slicer.model import LayerPlan, Mesh, ObjectStack, PlateObject
 from printer_slicer.profile import Profile
 from printer_slicer.profile.planners import OptimalPlanner
+from printer_slicer.texts import list_with_counts
 
 __all__ = [
     "PlanGroup",
@@ -42,7 +43,9 @@ def extract_objects(part: Mesh, items: Sequence[PlateObject]) -> Mesh:
     pieces = [part.triangles[item.facets] for item in items]
     given = [one for one in (part.volumes, *(item.volumes for item in items)) if one]
     volumes = given[0].joined(given) if given else None
-    return Mesh(np.concatenate(pieces), ", ".join(item.name for item in items), volumes=volumes)
+    return Mesh(
+        np.concatenate(pieces), ", ".join(list_with_counts(item.name for item in items)), volumes=volumes
+    )
 
 
 def list_plans(part: Mesh, plan: Plans) -> list[LayerPlan]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from math import floor, log10
 
@@ -13,6 +14,7 @@ __all__ = [
     "format_number",
     "format_significant",
     "get_callable_name",
+    "list_with_counts",
 ]
 
 
@@ -31,6 +33,12 @@ def format_significant(value: float) -> str:
 def format_count(count: int, noun: str) -> str:
     """Format a count with its noun: `1 layer`, `2 layers`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def list_with_counts(names: Iterable[str]) -> list[str]:
+    """Return each name once, in the order of the first ones; repeated ones with their number, such as `3 x lid`."""
+    counts = Counter(names)
+    return [name if count == 1 else f"{count} x {name}" for name, count in counts.items()]
 
 
 def format_duration(seconds: float) -> str:

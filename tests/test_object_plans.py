@@ -14,7 +14,9 @@ from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import check_gcode
 from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject, Program
+from printer_slicer.object_plans import extract_objects
 from printer_slicer.pipeline import slice_stages
+from printer_slicer.placing import join
 from printer_slicer.profile import Profile
 from printer_slicer.roles import Role, roles_with
 from printer_slicer.stages import Stages
@@ -154,3 +156,11 @@ def test_layers_of_different_objects_cool_together() -> None:
     # Groups: tops at 2.6 (thin) and 2.7 (thick), 2.8 (thin), and 3.0 (both).
     for tops in ([2.6, 2.7], [2.8], [3.0]):
         assert _layer_seconds(program, wanted, tops) == pytest.approx(12.0, rel=0.03)
+
+
+def test_copies_in_a_group_are_counted() -> None:
+    cubes = [
+        Mesh(box((4.0, 4.0, 2.0), (10.0 * k, 0.0, 0.0)).triangles, name) for k, name in enumerate("abaa")
+    ]
+    plate = join(cubes)
+    assert extract_objects(plate, plate.objects).name == "3 x a, b"

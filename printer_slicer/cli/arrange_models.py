@@ -11,6 +11,7 @@ import numpy as np
 
 from printer_slicer.errors import PartError, UsageError
 from printer_slicer.placing import Placement
+from printer_slicer.texts import list_with_counts
 
 if TYPE_CHECKING:
     from printer_slicer.arranging import Arrangement
@@ -180,8 +181,7 @@ def describe_other_plates(parts: Sequence[dict[str, Any]]) -> str:
     """Return which parts are on the plates after the first, such as `plate 2: lid, 3 x box`."""
     described = []
     for number in sorted({part["plate"] for part in parts if part["plate"] > 1}):
-        names = Counter(part["name"] for part in parts if part["plate"] == number)
-        listed = [name if count == 1 else f"{count} x {name}" for name, count in names.items()]
+        listed = list_with_counts(part["name"] for part in parts if part["plate"] == number)
         more = [f"{len(listed) - _MOST_NAMED} others"] if len(listed) > _MOST_NAMED else []
         described.append(f"plate {number}: {', '.join([*listed[:_MOST_NAMED], *more])}")
     return "; ".join(described)

@@ -417,7 +417,7 @@ def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str], most: 
         + (f", the largest of {one.places} places" if one.places > 1 else "")
         for one in found[:most]
     ]
-    return "; ".join([*described, *(["and more"] if len(found) > most else [])])
+    return "; ".join([*described, *(["others overlap as well"] if len(found) > most else [])])
 
 
 def format_model_names(paths: Sequence[Path]) -> str:

@@ -63,7 +63,7 @@ def turn_for_infill(shape: PartShape, frame: Float, infill_angle: float) -> Floa
         frame: axes of the turned part in the axes of the shape.
         infill_angle: direction of the lines, degrees; those of every other layer are perpendicular.
     """
-    walls = (frame[:2].astype(np.float32) @ shape.samples.normals) * shape.samples.area
+    walls = (frame[:2].astype(np.float32) @ shape.coarse.normals) * shape.coarse.area
     ends = np.array([_count_ends(walls, infill_angle - turn) for turn in _TURNS])
     c, s = cosine_and_sine(_TURNS[int((ends <= (1 + _SAME_ENDS) * ends.min()).argmax())])
     x, y, z = frame

@@ -79,7 +79,7 @@ def test_parts_that_overlap_in_their_files_are_arranged(tmp_path: Path, command:
     (found,) = facts(outcome)
     assert "two.stl overlaps one.stl by 20 x 10 mm" in outcome.err
     assert (
-        "and more, at the positions in their files: arranged 4 parts on 1 plate, at least 6 mm apart"
+        "others overlap as well, at the positions in their files: arranged 4 parts on 1 plate, at least 6 mm apart"
         in outcome.err
     )
     assert found["plates"] == 1

@@ -152,7 +152,7 @@ def test_parts_that_overlap_are_arranged_unless_they_shall_fuse(tmp_path: Path) 
     for command in ("slice", "plan", "dry-run"):
         outcome = typed(command, one, inside, beside, *QUICK)
         assert outcome.code == 0
-        assert "two.stl overlaps one.stl by 8 x 8 mm; and more, at" in outcome.err
+        assert "two.stl overlaps one.stl by 8 x 8 mm; others overlap as well, at" in outcome.err
         assert "arranged 3 parts on 1 plate" in outcome.err
         kept = typed(command, one, inside, beside, "--as-placed", *QUICK)
         assert kept.code == 3
