@@ -12,7 +12,10 @@ from printer_slicer.errors import UsageError
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.extrusion.acceleration import move_accelerations
 from printer_slicer.gcode_text import gcode_of
+from printer_slicer.inspection.coverage.gcode_extrusions import extrusions_and_moves_of_gcode
+from printer_slicer.inspection.coverage.layer_extrusions import file_layers_of
 from printer_slicer.inspection.coverage.model_check import check_gcode
+from printer_slicer.inspection.coverage.stack import stack_extrusions
 from printer_slicer.model import Heat, LayerPlan, Mesh, PlateObject, Program
 from printer_slicer.object_plans import extract_objects
 from printer_slicer.pipeline import slice_stages
@@ -164,3 +167,13 @@ def test_copies_in_a_group_are_counted() -> None:
     ]
     plate = join(cubes)
     assert extract_objects(plate, plate.objects).name == "3 x a, b"
+
+
+def test_layers_read_from_the_file_are_as_high_as_they_were_planned(stages: Stages) -> None:
+    gcode, _, _ = extrusions_and_moves_of_gcode(gcode_of(stages.program, plain()))
+    layers = file_layers_of(gcode, stack_extrusions(gcode.beads))
+    planned = {round(float(top), 3): 0.3 if round(float(top) / 0.2, 3) % 1 else 0.2 for top in layers.top}
+    shared = {0.6 * k for k in range(1, 11)}  # layers of both objects end there
+    for top, bottom in zip(layers.top.tolist(), layers.bottom.tolist(), strict=True):
+        if not any(abs(top - z) < 0.01 for z in shared):
+            assert top - bottom == pytest.approx(planned[round(top, 3)], abs=1e-3)

@@ -128,7 +128,8 @@ def _draw_head(
     for (x, end), (fact, meaning, warns) in zip(
         pairwise(places), _list_facts(certificate, ranges_beyond, tolerance), strict=True
     ):
-        yield Text(x, 142, fit_text(fact, _FACT, end - x - 16), _FACT, WARNING if warns else _DARK, bold=True)
+        size = max(min(_FACT, _FACT * (end - x - 16) / estimate_text_width(fact, _FACT)), _SMALLEST_TITLE)
+        yield Text(x, 142, fit_text(fact, size, end - x - 16), size, WARNING if warns else _DARK, bold=True)
         yield Text(x, 176, fit_text(meaning, _NAME, end - x - 16), _NAME, WARNING if warns else _SOFT)
 
 

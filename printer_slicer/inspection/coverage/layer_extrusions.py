@@ -15,6 +15,8 @@ from printer_slicer.values import Struct, force_setattr, replace
 __all__ = ["FileLayers", "LayerExtrusions", "extrusions_of_layer", "file_layers_of"]
 
 _SAME_HEIGHT: Final = 0.004  # mm; nozzle heights that differ by less are one layer, as in `stack`
+_HEIGHT_TOLERANCE: Final = 0.01  # mm
+_WALLS: Final = (Purpose.EXTERNAL_PERIMETER, Purpose.PERIMETER)
 
 
 class FileLayers(Struct, frozen=True, eq=False):
@@ -114,7 +116,29 @@ def file_layers_of(gcode: GcodeExtrusions, stack: Stack) -> FileLayers:
     level = np.where(outside_stack, np.where(hit, near, -1), place[stack.layer])
     # Extrusions outside the layers of the stack get the height of their file layer.
     height = np.where(outside_stack & np.isnan(comment_height) & hit, (top - bottom)[near], beads.height)
+    # The layer below may be one of another object, so it may be nearer than the layer is high.
+    own = _find_usual_heights(replace(beads, height=comment_height), level, len(top))
+    bottom = np.where(own > top - bottom + _HEIGHT_TOLERANCE, np.maximum(top - own, 0.0), bottom)
     return FileLayers(replace(beads, height=height), level, top, bottom, of_stack)
+
+
+def _find_usual_heights(beads: Extrusions, level: Int, count: int) -> Float:
+    """Return the median height (L,) of the perimeters of each layer, by length, mm; NaN where none is known.
+
+    Args:
+        beads: with the heights in the comments of the file; NaN where there are none.
+        level: (B,) layer of each; -1 for none.
+        count: L, the number of layers.
+    """
+    is_known = np.isin(beads.purpose, _WALLS) & np.isfinite(beads.height) & (level >= 0)
+    known = np.flatnonzero(is_known & (beads.length > 0))
+    if not len(known):
+        return np.full(count, np.nan)
+    known = known[np.lexsort((beads.height[known], level[known]))]
+    total = np.bincount(level[known], beads.length[known], count)
+    middle = np.searchsorted(np.cumsum(beads.length[known]), np.cumsum(total) - total / 2)
+    found = beads.height[known[np.minimum(middle, len(known) - 1)]]
+    return np.where(total > 0, found, np.nan)
 
 
 def _find_unknown_heights(z: Float, known: Float) -> Float:
