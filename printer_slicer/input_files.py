@@ -1,4 +1,7 @@
-"""Open the files that a user names, with a size limit and a timeout for named pipes that no program writes to."""
+"""The files that a user names: what their names tell, and how to read them.
+
+Files are opened with a size limit, and with a timeout for named pipes that no program writes to.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,34 @@ import stat
 import threading
 from collections.abc import Iterator
 from io import BufferedReader
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final
 
-__all__ = ["WRITER_SECONDS", "check_is_file", "open_input", "read_input", "read_pieces"]
+__all__ = [
+    "GCODE_SUFFIXES",
+    "MODEL_SUFFIXES",
+    "WRITER_SECONDS",
+    "check_is_file",
+    "is_gcode",
+    "open_input",
+    "read_input",
+    "read_pieces",
+]
+
+MODEL_SUFFIXES: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
+"""Endings of the names of models, in lower case."""
+
+GCODE_SUFFIXES: Final = (".gcode", ".gco", ".gc", ".g", ".nc", ".ngc")
+"""Endings of the names of plain G-code, in lower case."""
 
 _PIECE: Final = 1 << 20  # bytes
 WRITER_SECONDS: Final = 10.0
 """Time, s, to wait for a program to open a named pipe for writing."""
+
+
+def is_gcode(path: PurePath) -> bool:
+    """Return whether the name of a file has the ending of plain G-code."""
+    return path.suffix.lower() in GCODE_SUFFIXES
 
 
 def open_input(path: Path, writer_seconds: float = WRITER_SECONDS) -> BufferedReader:

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from printer_slicer.model import LayerPlan, Program, Repairs
     from printer_slicer.profile import Profile
 
-__all__ = ["GCODE_SUFFIXES", "Job", "JobSummary", "build_job", "is_gcode", "split_sendable"]
-
-GCODE_SUFFIXES = frozenset({".gcode", ".gco", ".g", ".nc"})
+__all__ = ["Job", "JobSummary", "build_job", "split_sendable"]
 
 
 class Job(SvgRepr, Struct, frozen=True, eq=False):
@@ -131,11 +129,6 @@ class Job(SvgRepr, Struct, frozen=True, eq=False):
     def last_layer(self) -> int:
         """Number of the last layer; 0 if it is unknown."""
         return self.plan.n_layers if self.plan else max(self.marks.values(), default=0)
-
-
-def is_gcode(path: Path) -> bool:
-    """Return whether a file name has the suffix of a G-code file."""
-    return path.suffix.lower() in GCODE_SUFFIXES
 
 
 def build_job(

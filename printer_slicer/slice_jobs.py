@@ -12,8 +12,9 @@ from printer_slicer.arguments import PATH, check_argument, check_arguments
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.importing.familiar import translate_changes
+from printer_slicer.input_files import is_gcode
 from printer_slicer.inspection.lint.scan import lint_file, lint_text
-from printer_slicer.jobs import Job, is_gcode
+from printer_slicer.jobs import Job
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import Mesh, Volumes
 from printer_slicer.pipeline import slice_for_output

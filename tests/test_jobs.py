@@ -12,7 +12,8 @@ from printer_slicer.commands import find_lines, split_gcode
 from printer_slicer.errors import MeshError, PartError, PrinterSlicerError, UsageError
 from printer_slicer.gcode.lexer import strip
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.jobs import GCODE_SUFFIXES, Job, is_gcode
+from printer_slicer.input_files import GCODE_SUFFIXES, is_gcode
+from printer_slicer.jobs import Job
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import load_profile

@@ -13,13 +13,13 @@ from typing import IO, TYPE_CHECKING, Final
 
 from printer_slicer.cli.arguments import MAX_COPIES
 from printer_slicer.errors import PrinterSlicerError, UsageError
+from printer_slicer.input_files import MODEL_SUFFIXES
 
 if TYPE_CHECKING:
     from printer_slicer.profile import Profile
 
-__all__ = ["MODELS", "load_file_profile", "reject_non_gcode", "resolve_inputs", "save_stdin"]
+__all__ = ["load_file_profile", "reject_non_gcode", "resolve_inputs", "save_stdin"]
 
-MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
 _WILDCARDS: Final = frozenset("*?[")
 _STDIN_PATH: Final = Path("-")
 _PROFILE_OPTIONS: Final = ("printer", "material", "quality")
@@ -111,7 +111,7 @@ def _expand_model(path: Path) -> list[Path]:
     """
     text = str(path)
     base, star, count = text.rpartition("*")
-    is_model = Path(base).suffix.lower() in MODELS
+    is_model = Path(base).suffix.lower() in MODEL_SUFFIXES
     if not star or path.exists() or not (is_model or Path(base).is_file()):
         return _expand_pattern(path)
     if count.isdecimal() and 1 <= int(count) <= MAX_COPIES:
@@ -228,7 +228,7 @@ def reject_non_gcode(path: Path) -> None:
     if head is None:
         return
     reject_binary_gcode(head, str(path))
-    if path.suffix.lower() in MODELS:
+    if path.suffix.lower() in MODEL_SUFFIXES:
         import shlex
 
         raise UsageError(

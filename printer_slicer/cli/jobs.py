@@ -20,8 +20,9 @@ from printer_slicer.diagnostics import (
     sentence,
 )
 from printer_slicer.errors import VerificationError
+from printer_slicer.input_files import is_gcode
 from printer_slicer.inspection.lint.scan import lint_file
-from printer_slicer.jobs import Job, is_gcode
+from printer_slicer.jobs import Job
 from printer_slicer.profile import Profile
 
 if TYPE_CHECKING:

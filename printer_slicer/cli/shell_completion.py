@@ -13,15 +13,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.parser import CommandParser
 from printer_slicer.cli.setting_options import SETTING_OPTIONS
 from printer_slicer.cli.simulator_options import FIRMWARES
+from printer_slicer.input_files import GCODE_SUFFIXES, MODEL_SUFFIXES
 
 __all__ = ["SHELLS", "answer_completion_request", "iterate_actions", "make_completion_script"]
 
 SHELLS: Final = ("bash", "zsh", "fish")
-GCODE: Final = (".gcode", ".gco", ".g", ".nc")
 _KINDS: Final = ("printer", "material", "quality")
 _Words = Iterable[str] | Mapping[str, str]
 """Candidates, or candidate -> meaning for shells that can show meanings."""
@@ -303,12 +302,12 @@ _OPTION_COMPLETERS: Final[Mapping[str, _Completer]] = {
     "--allow": _complete_finding_name,
     "--port": _complete_port,
     "--to": _make_word_completer("octoprint", "moonraker", "prusalink", "duet"),
-    "--model": _make_file_completer(*MODELS),
-    "--expect": _make_file_completer(*MODELS, *GCODE),
+    "--model": _make_file_completer(*MODEL_SUFFIXES),
+    "--expect": _make_file_completer(*MODEL_SUFFIXES, *GCODE_SUFFIXES),
 }
 _DESTINATION_COMPLETERS: Final[Mapping[str, _Completer]] = {
-    "models": _make_file_completer(*MODELS, *GCODE),
-    "gcode": _make_file_completer(*GCODE),
+    "models": _make_file_completer(*MODEL_SUFFIXES, *GCODE_SUFFIXES),
+    "gcode": _make_file_completer(*GCODE_SUFFIXES),
     "port": _complete_port,
     "name": _complete_print_names,
     "words": _make_word_completer(

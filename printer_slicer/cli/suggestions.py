@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Final
 
+from printer_slicer.input_files import GCODE_SUFFIXES, MODEL_SUFFIXES
 from printer_slicer.texts import find_similar_words
 
 __all__ = ["suggest", "suggest_command", "suggest_option"]
@@ -170,9 +171,6 @@ _ARGUMENTS: Final[Mapping[str, str]] = {
 }
 """Option that people try -> the argument for it, where a command takes this argument without an option."""
 
-_MODELS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
-_GCODE: Final = (".gcode", ".gco", ".g")
-
 
 def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) -> str:
     """Return a question that suggests the known word with the most similar spelling; empty if none is similar."""
@@ -183,9 +181,9 @@ def suggest(word: str, known: Iterable[str], cutoff: float = _MIN_SIMILARITY) ->
 def suggest_command(word: str, commands: Collection[str]) -> str:
     """Return a question that suggests a command line in place of an unknown command; empty without a suggestion."""
     lower = word.lower()
-    if lower.endswith(_MODELS):
+    if lower.endswith(MODEL_SUFFIXES):
         return f"Did you mean 'printer-slicer slice {word}'? "
-    if lower.endswith(_GCODE):
+    if lower.endswith(GCODE_SUFFIXES):
         return f"Did you mean 'printer-slicer print {word} --port PORT', or dry-run, check or draw? "
     if lower in _COMMANDS:
         return f"Did you mean 'printer-slicer {_COMMANDS[lower]}'? "

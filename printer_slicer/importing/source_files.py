@@ -25,6 +25,7 @@ from printer_slicer.importing.presets import Preset
 from printer_slicer.importing.project_objects import read_object_settings
 from printer_slicer.importing.prusaslicer_names import DEFAULTS
 from printer_slicer.importing.results import ConvertedSetting, ImportedProfile
+from printer_slicer.input_files import is_gcode
 from printer_slicer.profile.gcode_settings import is_printer_slicer_gcode, read_settings_from_gcode
 from printer_slicer.profile.reading import flatten_tables
 from printer_slicer.values import replace
@@ -32,7 +33,6 @@ from printer_slicer.values import replace
 __all__ = ["PresetsInFile", "read_presets"]
 
 _COMMENTED_SETTING: Final = re.compile(r";\s*[a-z]\w* =")
-_GCODE_SUFFIXES: Final = (".gcode", ".gco", ".g", ".nc", ".ngc")
 _SUPERSLICER_SETTINGS: Final = (
     "init_z_rotate",
     "extrusion_spacing",
@@ -83,7 +83,7 @@ def read_presets(
         changes = {key: SourceSetting(key, text, f"--cura {key}={text}") for key, text in cura.items()}
         if path.name.endswith((".inst.cfg", ".curaprofile")):
             return _load_cura_profile(path, folders, changes)
-        if path.suffix.lower() in _GCODE_SUFFIXES and is_printer_slicer_gcode(path):
+        if is_gcode(path) and is_printer_slicer_gcode(path):
             return [
                 _make_native_profile(kind, part, path)
                 for kind, part in read_settings_from_gcode(path).items()
@@ -121,7 +121,7 @@ def _read_presets(
     if magic.startswith(b"PK"):
         name, text = read_3mf_settings(path)
         return _add_object_settings(_parse_presets(text, f"{path}: {name}", path, folders, {}), path)
-    if path.suffix.lower() in _GCODE_SUFFIXES:
+    if is_gcode(path):
         lines = read_gcode_settings(path)
         section = IniSection("", f"{path}:{lines[0][0]}")
         for number, line in lines:

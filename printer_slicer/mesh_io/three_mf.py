@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from printer_slicer.errors import MeshError
+from printer_slicer.input_files import MODEL_SUFFIXES
 from printer_slicer.mesh_io.assembly import (
     PART,
     ObjectBuilder,
@@ -63,8 +64,6 @@ SUPPORTED_EXTENSIONS: Final = tuple(
 RELATIONSHIPS_FILE: Final = "_rels/.rels"
 RELATIONSHIP_PREFIXES: Final = ("", "http://schemas.openxmlformats.org/package/2006/relationships ")
 ROOT_MODEL_TYPE: Final = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
-MODEL_SUFFIXES: Final = (".stl", ".3mf", ".amf", ".obj", ".ply", ".off", ".glb", ".step", ".stp")
-"""Extensions of models in an ordinary ZIP archive."""
 SUPPORT_PAINT: Final = ("custom_supports", "paint_supports")
 """Attributes of facets painted for supports in files of PrusaSlicer, and of Bambu Studio and OrcaSlicer."""
 PAINT_VERSIONS: Final = ("slic3rpe:FdmSupportsPaintingVersion", "BambuStudio:FdmSupportsPaintingVersion")
@@ -357,7 +356,9 @@ def _find_root_model(archive: Archive, limits: Limits) -> str:
     models = [name for name in archive.names if name.endswith(".model")]
     if USUAL_ROOT_MODEL in models or len(models) == 1:
         return USUAL_ROOT_MODEL if USUAL_ROOT_MODEL in models else models[0]
-    others = [name.rpartition("/")[2] for name in archive.names if name.endswith(MODEL_SUFFIXES)]
+    others = [
+        name.rpartition("/")[2] for name in archive.names if name.lower().endswith((*MODEL_SUFFIXES, ".amf"))
+    ]
     if others:
         listed = ", ".join(name[:60] for name in others[:3]) + (", ..." if len(others) > 3 else "")
         raise MeshError(

@@ -22,6 +22,7 @@ from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.input_files import MODEL_SUFFIXES
 from printer_slicer.preview.viewer_files import make_view_policy
 from printer_slicer.print_queue import QueuedFile
 from printer_slicer.print_queue.file_store import check_free_space
@@ -44,8 +45,8 @@ from printer_slicer.server.operations import (
 from printer_slicer.server.problems import Problem, ProblemError, make_problem_error, respond_with_problem
 from printer_slicer.server.receiving import MAX_SLOW_REQUESTS, read_body, receive_upload, run_slow_work
 from printer_slicer.server.services import Services
-from printer_slicer.server.slicing import MODEL_ENDINGS, SliceCommand, SliceRequest, SliceTask
-from printer_slicer.server.uploads import FormReader
+from printer_slicer.server.slicing import SliceCommand, SliceRequest, SliceTask
+from printer_slicer.server.uploads import FormReader, check_gcode_name
 
 __all__ = ["make_app"]
 
@@ -114,7 +115,9 @@ async def _upload_file(request: Request) -> Response:
     await run_in_threadpool(require_access, request, "upload")
 
     def store(form: FormReader) -> QueuedFile:
-        return services.queue.add_file(form.find_file(), form.read_file())
+        name = form.find_file()
+        check_gcode_name(name)
+        return services.queue.add_file(name, form.read_file())
 
     file = await receive_upload(request, store)
     facts = await run_slow_work(request, services.reader.read, file.id)
@@ -181,10 +184,10 @@ async def _add_task(request: Request, command: SliceCommand) -> Response:
 def _store_model(services: Services, form: FormReader, command: SliceCommand) -> SliceTask:
     """Store a model in a folder of its own, and add a task for it."""
     name = form.find_file()
-    ending = next((one for one in MODEL_ENDINGS if name.lower().endswith(one)), "")
+    ending = next((one for one in MODEL_SUFFIXES if name.lower().endswith(one)), "")
     if not ending:
         raise ProblemError(
-            415, "the file is not a model", f"Upload a file that ends with {', '.join(MODEL_ENDINGS)}"
+            415, "the file is not a model", f"Upload a file that ends with {', '.join(MODEL_SUFFIXES)}"
         )
     folder = services.slicer.folder / token_hex(16)
     folder.mkdir(parents=True, mode=0o700)

@@ -22,6 +22,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from printer_slicer.errors import PrinterSlicerError
+from printer_slicer.input_files import GCODE_SUFFIXES, MODEL_SUFFIXES
 from printer_slicer.javascript_modules import join_modules
 from printer_slicer.preview.viewer_files import read_viewer_file
 from printer_slicer.print_queue.printers import PrinterEntry
@@ -64,7 +65,8 @@ def load_assets() -> dict[str, Asset]:
         _read_page_file("page.css").encode(),
     )
     addresses = {"script": f"/page/{_hash(script)}.js", "style": f"/page/{_hash(style)}.css"}
-    page = re.sub(r"\{\{(\w+)\}\}", lambda found: addresses[found[1]], _read_page_file("page.html"))
+    texts = addresses | {"models": ",".join(MODEL_SUFFIXES), "gcode": ",".join(GCODE_SUFFIXES)}
+    page = re.sub(r"\{\{(\w+)\}\}", lambda found: texts[found[1]], _read_page_file("page.html"))
     return {
         "/": _make_asset(page.encode(), "text/html; charset=utf-8", "no-cache"),
         addresses["script"]: _make_asset(script, "text/javascript; charset=utf-8", _FOREVER),

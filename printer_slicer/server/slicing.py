@@ -31,10 +31,7 @@ from printer_slicer.values import Struct, replace
 if TYPE_CHECKING:
     from printer_slicer.batching.tasks import BatchResult
 
-__all__ = ["MODEL_ENDINGS", "SliceCommand", "SliceRequest", "SliceTask", "Slicer", "check_profile_name"]
-
-MODEL_ENDINGS: Final = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf", ".step", ".stp")
-"""Endings of the names of models."""
+__all__ = ["SliceCommand", "SliceRequest", "SliceTask", "Slicer", "check_profile_name"]
 
 SliceCommand = Literal["slice", "plan"]
 

@@ -12,7 +12,7 @@ from printer_slicer.server.operations import find_access, read_request_id
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.receiving import receive_upload, run_slow_work
 from printer_slicer.server.services import Services
-from printer_slicer.server.uploads import FormReader
+from printer_slicer.server.uploads import FormReader, check_gcode_name
 from printer_slicer.values import Struct
 
 __all__ = ["QUEUED", "Target", "find_target", "queue_job", "receive_file"]
@@ -65,7 +65,7 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
 
     def store(form: FormReader) -> tuple[QueuedFile, dict[str, str]]:
         name = form.find_file()
-        _check_kind(name)
+        check_gcode_name(name)
         return target.services.queue.add_file(name, form.read_file()), form.fields
 
     file, fields = await receive_upload(request, store)
@@ -74,19 +74,6 @@ async def receive_file(request: Request, target: Target) -> tuple[QueuedFile, bo
         target.access.require("print", target.printer.name)
         await run_slow_work(request, queue_job, target, file, read_request_id(request, target.access))
     return file, wants_print
-
-
-def _check_kind(name: str) -> None:
-    """Check that a file has a name of G-code.
-
-    Raises:
-        ProblemError: it has another one.
-    """
-    if not name.lower().endswith((".gcode", ".gco", ".g", ".nc", ".gc")):
-        remedy = "Let the slicer write plain G-code, for example without binary G-code or UFP"
-        raise ProblemError(
-            415, "only plain G-code can be uploaded here, with a name such as part.gcode", remedy
-        )
 
 
 def queue_job(target: Target, file: QueuedFile, request_id: str = "") -> None:

@@ -12,9 +12,10 @@ from typing import Final
 from python_multipart.exceptions import MultipartParseError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
+from printer_slicer.input_files import GCODE_SUFFIXES
 from printer_slicer.server.problems import ProblemError
 
-__all__ = ["FormReader"]
+__all__ = ["FormReader", "check_gcode_name"]
 
 _MAX_FIELDS: Final = 16
 _MAX_FIELD_BYTES: Final = 4096
@@ -152,3 +153,16 @@ class FormReader:
     def _end_form(self) -> None:
         """Note that the closing boundary has arrived."""
         self._is_complete = True
+
+
+def check_gcode_name(name: str) -> None:
+    """Check that a file has a name of G-code.
+
+    Raises:
+        ProblemError: it has another one.
+    """
+    if not name.lower().endswith(GCODE_SUFFIXES):
+        remedy = "Let the slicer write plain G-code, for example without binary G-code or UFP"
+        raise ProblemError(
+            415, "only plain G-code can be uploaded here, with a name such as part.gcode", remedy
+        )

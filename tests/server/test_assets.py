@@ -7,6 +7,7 @@ from importlib.resources import files
 
 import pytest
 
+from printer_slicer.input_files import GCODE_SUFFIXES, MODEL_SUFFIXES
 from printer_slicer.print_queue import PrintQueue
 from printer_slicer.server.assets import Asset, load_assets
 from tests.server.client import GCODE, ServerClient, form
@@ -34,6 +35,11 @@ def test_the_page_is_small(visitor: ServerClient) -> None:
 def test_the_addresses_in_the_page_exist(visitor: ServerClient) -> None:
     page = visitor.get("/").text
     assert set(re.findall(r'(?:src|href)="(/[^"]*)"', page)) == set(load_assets()) - {"/"}
+
+
+def test_the_page_offers_the_files_that_the_server_takes(visitor: ServerClient) -> None:
+    page = visitor.get("/").text
+    assert f'data-models="{",".join(MODEL_SUFFIXES)}" data-gcode="{",".join(GCODE_SUFFIXES)}"' in page
 
 
 @pytest.mark.parametrize("address", sorted(load_assets()))

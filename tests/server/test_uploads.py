@@ -193,3 +193,11 @@ def test_a_file_is_deleted_when_no_job_needs_it(server: ServerClient, queue: Pri
     assert server.get(f"{address}/content").status_code == 404
     assert server.get(f"/v1/jobs/{job['id']}").json()["file"] == file
     assert not list((queue.folder / "pages").iterdir())
+
+
+@pytest.mark.parametrize("name", ["part.stl", "page.html", "part.bgcode", "part.ufp", "part"])
+def test_only_files_with_a_name_of_gcode_are_stored(server: ServerClient, name: str) -> None:
+    answer = server.post("/v1/files", **form(("file", name, GCODE)))
+    assert answer.status_code == 415
+    assert "plain G-code" in answer.json()["title"]
+    assert server.get("/v1/files").json() == []

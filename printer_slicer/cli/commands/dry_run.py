@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print on the simulated printer: one job in detail, several G-code files with one line each."""
-    from printer_slicer.jobs import is_gcode
+    from printer_slicer.input_files import is_gcode
 
     if len(arguments.models) < 2 or not all(map(is_gcode, arguments.models)):
         return _run_for_one_job(arguments)

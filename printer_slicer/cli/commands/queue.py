@@ -167,7 +167,7 @@ def _parse_job(text: str) -> int:
 
 def _add(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     """Add jobs for G-code files."""
-    from printer_slicer.jobs import is_gcode
+    from printer_slicer.input_files import is_gcode
     from printer_slicer.print_queue import JobRequest
 
     paths = [Path(name) for name in arguments.names]

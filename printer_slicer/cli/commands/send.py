@@ -81,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Upload G-code to a print server."""
-    from printer_slicer.jobs import is_gcode
+    from printer_slicer.input_files import is_gcode
     from printer_slicer.sending import Upload, send
 
     path: Path = arguments.gcode

@@ -19,7 +19,6 @@ from printer_slicer.cli.arguments import (
     parse_integer,
 )
 from printer_slicer.cli.help import mark_advanced
-from printer_slicer.cli.inputs import MODELS
 from printer_slicer.cli.opening import add_open_option, open_files
 from printer_slicer.cli.output import (
     append_to_stem,
@@ -33,6 +32,7 @@ from printer_slicer.cli.output import (
 )
 from printer_slicer.cli.settings import collect_profile_facts, load_selected_profile
 from printer_slicer.errors import PartError, UsageError
+from printer_slicer.input_files import MODEL_SUFFIXES
 
 if TYPE_CHECKING:
     from printer_slicer.cli.models import Plate
@@ -317,7 +317,7 @@ def _reject_model_suffix(output: Path) -> None:
     Raises:
         UsageError: the output has the suffix of a model.
     """
-    if output.suffix.lower() in MODELS:
+    if output.suffix.lower() in MODEL_SUFFIXES:
         raise UsageError(
             f"-o {output}: the suffix {output.suffix} is for models, but the output is G-code",
             remedy=f"Name it {output.with_suffix('.gcode')}",

@@ -12,6 +12,7 @@ from types import NoneType
 from printer_slicer.arguments import PATH, check_arguments
 from printer_slicer.deprecation import accept_former_arguments
 from printer_slicer.errors import PortError, UsageError, VerificationError
+from printer_slicer.input_files import is_gcode
 from printer_slicer.inspection.dry_run.comparison import Comparison
 from printer_slicer.inspection.dry_run.deposition_observer import DepositionObserver
 from printer_slicer.inspection.dry_run.fast_runner import (
@@ -23,7 +24,7 @@ from printer_slicer.inspection.dry_run.fast_runner import (
 from printer_slicer.inspection.dry_run.judging import RunContext, Verdict, judge
 from printer_slicer.inspection.dry_run.machines import machine_of, simulated_firmware_for
 from printer_slicer.inspection.lint.scan import lint_file
-from printer_slicer.jobs import Job, is_gcode
+from printer_slicer.jobs import Job
 from printer_slicer.link_model import SerialLink
 from printer_slicer.motion.rules import limits_of
 from printer_slicer.profile import Profile

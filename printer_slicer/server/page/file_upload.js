@@ -3,10 +3,9 @@
  */
 import { makeDropArea } from "./drop_area.js";
 import { make, setShown, setText } from "./elements.js";
+import { GCODE_SUFFIXES, isModel } from "./file_names.js";
 import { tell, tellError } from "./messages.js";
 import { uploadFile } from "./requests.js";
-
-const MODEL = /\.(stl|3mf|obj|ply|off|glb|gltf|step|stp)$/i;
 
 /**
  * Return the place for files to upload.
@@ -20,7 +19,7 @@ export function makeUpload(onUploaded) {
   const uploadAll = async (files) => {
     setShown(row, true);
     for (const file of files) {
-      if (MODEL.test(file.name)) {
+      if (isModel(file.name)) {
         tellError(`${file.name} is a model. Drop it under New job.`);
         continue;
       }
@@ -35,7 +34,7 @@ export function makeUpload(onUploaded) {
     setShown(row, false);
     onUploaded();
   };
-  const texts = { text: "Drop G-code here, or", label: "Choose G-code …", accept: ".gcode,.gco,.g,.bgcode", multiple: true };
+  const texts = { text: "Drop G-code here, or", label: "Choose G-code …", accept: GCODE_SUFFIXES.join(), multiple: true };
   const element = makeDropArea(texts, uploadAll);
   element.append(row);
   return element;

@@ -5,12 +5,13 @@ import { makeButton } from "./buttons.js";
 import { makeDropArea } from "./drop_area.js";
 import { make, setShown, setText } from "./elements.js";
 import { tell, tellError } from "./messages.js";
+import { MODEL_SUFFIXES } from "./file_names.js";
 import { makeSliceForm } from "./slice_form.js";
 import { makePlans, makeSlicedFiles } from "./slice_result.js";
 import { makeSliceTask } from "./slice_task.js";
 import { allows } from "./status.js";
 
-const TEXTS = { text: "Drop a model here, or", label: "Choose a model …", accept: ".stl,.3mf,.obj,.ply,.off,.glb,.gltf,.step,.stp", multiple: false };
+const TEXTS = { text: "Drop a model here, or", label: "Choose a model …", accept: MODEL_SUFFIXES.join(), multiple: false };
 
 /** Return the section. */
 export function makeNewJobSection() {
