@@ -25,7 +25,16 @@ from printer_slicer.gcode.lexer import find_letters, parse
 from printer_slicer.motion.positioning_mode import PositioningMode
 from printer_slicer.values import Struct
 
-__all__ = ["HeaterTarget", "MachineState", "ModalState", "Move", "Place", "find_heater_target", "uses_inches"]
+__all__ = [
+    "FULL_FAN_SPEED",
+    "HeaterTarget",
+    "MachineState",
+    "ModalState",
+    "Move",
+    "Place",
+    "find_heater_target",
+    "uses_inches",
+]
 
 Place: TypeAlias = tuple[float | None, float | None, float | None, float | None]
 """x, y, z, e in mm; None where unknown."""
@@ -39,7 +48,8 @@ _MODES: Final = find_codes(Effect.MODE)
 _MOVES_UNSEEN: Final = find_codes(Effect.MOVES_UNSEEN)
 _MOVES_ORIGIN: Final = find_codes(Effect.MOVES_ORIGIN)
 _TOOL_BY_P: Final = frozenset({b"G10", b"M568"})  # commands whose P, and not T, names a tool
-_FULL_FAN_SPEED: Final = 255.0  # S of M106
+FULL_FAN_SPEED: Final = 255.0
+"""S of `M106` for full speed."""
 
 
 class Move(NamedTuple):
@@ -447,7 +457,7 @@ class MachineState:
         if number := values.get(b"P", 0.0):
             self.fans[number] = command
         else:
-            self.fan = values.get(b"S", _FULL_FAN_SPEED) if word == b"M106" else 0.0
+            self.fan = values.get(b"S", FULL_FAN_SPEED) if word == b"M106" else 0.0
 
     def _select_unit(self, word: bytes, _values: Mapping[bytes, float], _command: bytes) -> None:
         """G20 and G21: switch to inches or mm."""

@@ -60,7 +60,9 @@ def explain_job(queue: PrintQueue, job: int) -> Explanation:
     found = queue.find_job(job)
     states = {state.name: state for state in snapshot.printers}
     matches = tuple(
-        _match_printer(queue, snapshot, found, entry, states[entry.name]) for entry in queue.list_printers()
+        _match_printer(queue, snapshot, found, entry, states[entry.name])
+        for entry in queue.list_printers()
+        if entry.name in states  # printers.toml may change in between
     )
     return Explanation(found, *_summarise(queue, found, matches))
 

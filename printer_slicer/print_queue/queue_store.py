@@ -408,6 +408,8 @@ class PrintQueue:
                 rows[entry.name]["material"] or entry.material,
                 active.get(entry.name),
                 rows[entry.name]["message"],
+                entry.webcam,
+                entry.webcam_interval,
             )
             for entry in entries
         )

@@ -123,6 +123,7 @@ class PrinterState(Struct, frozen=True):
         material: name of the loaded material.
         job: number of the job that it prints; None if it prints none.
         message: how its last run ended, if that needs attention.
+        webcam, webcam_interval: picture of the printer, as in `PrinterEntry`.
     """
 
     name: str
@@ -130,6 +131,8 @@ class PrinterState(Struct, frozen=True):
     material: str
     job: int | None
     message: str
+    webcam: str = ""
+    webcam_interval: float = 0.0
 
 
 class PrintRun(Struct, frozen=True):

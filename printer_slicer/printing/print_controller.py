@@ -15,7 +15,7 @@ from typing import Any, Final
 from printer_slicer.errors import UsageError
 from printer_slicer.gcode.commands import Effect, find_codes
 from printer_slicer.gcode.lexer import parse, strip
-from printer_slicer.gcode.state import ModalState
+from printer_slicer.gcode.state import FULL_FAN_SPEED, ModalState
 from printer_slicer.printing import commands
 from printer_slicer.printing.command_gcode import GCODE_COMMANDS, changes_position, format_command
 from printer_slicer.printing.commands import PrintCommand
@@ -126,6 +126,7 @@ class PrintController:
         status |= {"done": self._streamer.acknowledged, "total": len(self._job)}
         modal = self._job.print_state.modal
         status |= {"position": [modal.x, modal.y, modal.z]}
+        status |= {"fan_percent": round(self._job.print_state.machine.fan / FULL_FAN_SPEED * 100)}
         return status | self.temperatures.as_json() | self._job.as_json() | self.prompts.as_json()
 
     # Called by the session.

@@ -86,7 +86,6 @@ class Feed:
         self._services, self._lock, self._stop = services, Lock(), Flag()
         self._runs: dict[str, _WatchedRun] = {}
         self._n_queue_messages, self._queue = 0, b""
-        self._queue_state: int | str = ""
         self._waiting: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
         self._thread = Thread(target=self._watch_queue, name="queue watcher", daemon=True)
 
@@ -149,18 +148,18 @@ class Feed:
                 snapshot = self._services.queue.snapshot()
                 encoded = b'{"kind":"queue","queue":' + encode_json(snapshot) + b"}"
                 self._follow(snapshot.runs)
-                self._publish(snapshot.revision, encoded)
+                self._publish(encoded)
                 self._services.queue.wait_for_change(snapshot.revision, _QUEUE_TIMEOUT)
             except PrinterSlicerError as error:  # printers.toml is invalid or the disk is full
                 message = {"kind": "problem", "detail": str(error.args[0]), "remedy": error.remedy}
-                self._publish(str(error), json.dumps(message).encode())
+                self._publish(json.dumps(message).encode())
                 self._stop.wait(_QUEUE_TIMEOUT)
 
-    def _publish(self, state: int | str, message: bytes) -> None:
-        """Send a message about the queue if its state, a revision or an error, has changed."""
+    def _publish(self, message: bytes) -> None:
+        """Send a message about the queue, or why it cannot be read, unless it was the last one."""
         with self._lock:
-            if state != self._queue_state:
-                self._queue_state, self._queue = state, message
+            if message != self._queue:
+                self._queue = message
                 self._n_queue_messages += 1
                 self._notify()
 

@@ -77,7 +77,7 @@ class RequestGuard:
         if problem is None:
             await self._app(scope, receive, _add_headers(send))
         elif scope["type"] == "websocket":
-            await send({"type": "websocket.close", "code": 1008, "reason": problem.title})
+            await send({"type": "websocket.close", "code": 1008, "reason": problem.detail})
         else:
             await respond_with_problem(problem)(scope, receive, _add_headers(send))
 

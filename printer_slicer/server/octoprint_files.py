@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from shutil import disk_usage
 from typing import Any, Final
 from urllib.parse import quote
 
@@ -71,7 +72,8 @@ def _list_files(request: Request) -> dict[str, Any]:
     """Return the files that were added last, in OctoPrint's words."""
     queue = find_target(request).services.queue
     files = [_describe_file(request, queue, file) for file in queue.list_files(_MAX_FILES)]
-    return {"files": files, "free": None, "total": None}
+    space = disk_usage(queue.folder)
+    return {"files": files, "free": space.free, "total": space.total}
 
 
 def _describe_file(request: Request, queue: PrintQueue, file: QueuedFile) -> dict[str, Any]:

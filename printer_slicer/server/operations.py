@@ -108,7 +108,7 @@ def find_access(request: Request) -> Access:
         access = services.access.find_session(request.cookies.get(SESSION_COOKIE, ""))
         problem = check_same_origin(request.method, request.headers, services.guard) if access else None
         if problem is not None:
-            raise ProblemError(problem.status, problem.title, problem.remedy)
+            raise ProblemError(problem.status, problem.detail, problem.remedy)
     if access is None:
         what = "the key is unknown" if text else "the request has no key"
         raise ProblemError(401, what, "Create a key: printer-slicer serve --new-key NAME")

@@ -20,21 +20,21 @@ class Problem(Struct, frozen=True):
 
     Attributes:
         status: status code of HTTP.
-        title: what is wrong, without the first capital, for people.
+        detail: what is wrong, without the first capital, for people.
         remedy: what helps; empty if nothing is known.
     """
 
     status: int
-    title: str
+    detail: str
     remedy: str = ""
 
 
 class ProblemError(Exception):
     """A request cannot be carried out."""
 
-    def __init__(self, status: int, title: str, remedy: str = "") -> None:
-        super().__init__(title)
-        self.problem = Problem(status, title, remedy)
+    def __init__(self, status: int, detail: str, remedy: str = "") -> None:
+        super().__init__(detail)
+        self.problem = Problem(status, detail, remedy)
 
 
 def make_problem_error(error: PrinterSlicerError, status: int = 422) -> ProblemError:
@@ -47,7 +47,7 @@ def respond_with_problem(problem: Problem, headers: Mapping[str, str] | None = N
     body: dict[str, Any] = {
         "status": problem.status,
         "title": HTTPStatus(problem.status).phrase,
-        "detail": problem.title,
+        "detail": problem.detail,
     }
     if problem.remedy:
         body["remedy"] = problem.remedy

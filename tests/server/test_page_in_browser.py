@@ -537,6 +537,18 @@ def test_everything_fits_and_can_be_read_and_touched(page: Page, section: str) -
     check_page(page)
 
 
+def list_requests_during_print(page: Page) -> list[str]:
+    """Open the page a second time while one printer prints, and return what it asks for."""
+    other = page.context.new_page()
+    asked: list[str] = []
+    other.on("request", lambda one: asked.append(one.url))
+    other.on("websocket", lambda one: asked.append(one.url))
+    other.goto(page.url.partition("#")[0])
+    other.get_by_text(re.compile(r"^Layer \d+ of \d+ · .* left, ends \d\d:\d\d")).wait_for()
+    other.close()
+    return asked
+
+
 @pytest.mark.parametrize(
     ("page", "printer"), [(SIZES[0], "narrow"), (SIZES[3], "wide")], indirect=["page"], ids=["360", "1280"]
 )
@@ -560,6 +572,8 @@ def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: st
     card.get_by_text(name).first.wait_for()
     card.get_by_text("printing", exact=True).wait_for()
     card.get_by_text(re.compile("^Layer [1-9]")).wait_for()
+    assert len(list_requests_during_print(page)) <= 8
+    assert card.get_by_label("Fan, %", exact=True).input_value() == "0"
     card.locator("summary", has_text="Console").click()
     card.locator(".lines").get_by_text(SAID).first.wait_for()
     card.get_by_label("Command").fill("speed 90")

@@ -177,3 +177,75 @@ def test_an_app_sends_gcode_and_the_emergency_stop_during_a_print(live: LiveServ
         assert status_of(request(live, path, headers, b'{"command": "M112"}')) == 204
         until(lambda: live.queue.find_job(job).state != "printing")
     assert "emergency stop" in live.queue.find_job(job).message
+
+
+def test_an_app_heats_moves_and_follows_a_print(live: LiveServer) -> None:
+    job = add_job(live.queue, b"G28\nM83\nM109 S200\nG1 X20 Y20 Z0.2 E1 F1200\nG4 S600\nM104 S0\n")
+    headers = f"X-Api-Key: {live.key}\r\nContent-Type: application/json\r\n"
+
+    def post(path: str, **body: object) -> tuple[int, bytes]:
+        response = request(live, f"POST /printers/left/api/{path}", headers, json.dumps(body).encode())
+        return status_of(response), response
+
+    def get(path: str) -> dict[str, Any]:
+        return parse(request(live, f"GET /printers/left/api/{path}", headers))
+
+    def status() -> dict[str, Any]:
+        asked = request(live, "POST /v1/printers/left/command", headers, b'{"command": "status"}')
+        told: dict[str, Any] = json.loads(parse(asked)["answer"])
+        return told
+
+    assert post("printer/bed", command="target", target=60)[0] == 409  # nothing is printed
+    with supervise(live.queue):
+        until(lambda: live.queue.find_job(job).state == "printing")
+        until(lambda: get("printer/tool").get("tool0", {}).get("actual"))
+        assert post("printer/tool", command="target", targets={"tool0": 215})[0] == 204
+        assert post("printer/bed", command="target", target=55)[0] == 204
+        until(lambda: get("printer/tool")["tool0"]["target"] == 215)
+        until(lambda: get("printer/bed")["bed"]["target"] == 55)
+        assert post("printer/tool", command="target", targets={"tool0": 900})[0] == 409
+        assert post("printer/tool", command="flowrate", factor=95)[0] == 204
+        assert post("printer/printhead", command="feedrate", factor=1.1)[0] == 204
+        until(lambda: status().get("speed_percent") == 110)
+        assert status()["flow_percent"] == 95
+        progress = get("job")["progress"]
+        assert progress["printTime"] >= 0
+        assert progress["printTimeLeft"] > 0
+        code, answer = post("printer/printhead", command="jog", x=5)
+        assert code == 409
+        assert b"Pause the print" in answer
+        assert post("job", command="pause", action="pause")[0] == 204
+        until(lambda: get("printer")["state"]["flags"]["paused"])
+        assert post("printer/printhead", command="jog", x=5, z=1, speed=3000)[0] == 204
+        assert post("printer/printhead", command="jog", x=10, y=10, absolute=True)[0] == 204
+        assert post("printer/tool", command="extrude", amount=-2)[0] == 204
+        assert post("job", command="pause")[0] == 204  # a second time resumes
+        until(lambda: not get("printer")["state"]["flags"]["paused"])
+        assert post("job", command="cancel")[0] == 204
+        until(lambda: live.queue.find_job(job).state == "cancelled")
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("tool", {"command": "target"}),
+        ("tool", {"command": "target", "targets": {"tool0\nM112": 200}}),
+        ("tool", {"command": "target", "targets": {"tool0": "200"}}),
+        ("tool", {"command": "target", "targets": {"tool0": True}}),
+        ("tool", {"command": "offset", "offsets": {"tool0": 5}}),
+        ("tool", {"command": "select", "tool": "tool10"}),
+        ("tool", {"command": "extrude", "amount": 1e300}),
+        ("bed", {"command": "target", "target": None}),
+        ("bed", {"command": "heat"}),
+        ("printhead", {"command": "jog"}),
+        ("printhead", {"command": "jog", "x": 1, "speed": 0}),
+        ("printhead", {"command": "home", "axes": ["x", "M112"]}),
+        ("printhead", {"command": "home"}),
+        ("printhead", {}),
+    ],
+)
+def test_commands_of_apps_that_are_not_valid(live: LiveServer, path: str, body: dict[str, Any]) -> None:
+    headers = f"X-Api-Key: {live.key}\r\nContent-Type: application/json\r\n"
+    data = json.dumps(body).encode()
+    response = request(live, f"POST /printers/left/api/printer/{path}", headers, data)
+    assert status_of(response) == 400, response

@@ -199,5 +199,5 @@ def test_a_file_is_deleted_when_no_job_needs_it(server: ServerClient, queue: Pri
 def test_only_files_with_a_name_of_gcode_are_stored(server: ServerClient, name: str) -> None:
     answer = server.post("/v1/files", **form(("file", name, GCODE)))
     assert answer.status_code == 415
-    assert "plain G-code" in answer.json()["title"]
+    assert "plain G-code" in answer.json()["detail"]
     assert server.get("/v1/files").json() == []

@@ -64,6 +64,22 @@ def test_the_feed_tells_why_the_printers_cannot_be_read(
         assert '"kind":"queue"' in feed.receive_text()
 
 
+def test_the_feed_tells_that_a_printer_was_removed(
+    queue: PrintQueue, access: AccessStore, tmp_path: Path
+) -> None:
+    _, key = access.create_key("tests", ["read"])
+    with (
+        open_client(queue, access, tmp_path / "prints", key) as client,
+        client.websocket_connect("/v1/feed", headers={"x-api-key": key}) as feed,
+    ):
+        message = json.loads(feed.receive_text())
+        assert [one["name"] for one in message["queue"]["printers"]] == ["left", "right"]
+        file = tmp_path / "printers.toml"
+        file.write_text(file.read_text().partition("[right]")[0])
+        message = json.loads(feed.receive_text())
+        assert [one["name"] for one in message["queue"]["printers"]] == ["left"]
+
+
 def test_the_feed_goes_on_after_an_error_of_the_database(
     queue: PrintQueue, access: AccessStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

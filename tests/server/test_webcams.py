@@ -30,6 +30,9 @@ def test_the_page_may_show_pictures_of_configured_hosts_only(server: ServerClien
     printer = server.get("/v1/printers").json()[1]
     assert printer["webcam"] == "http://cam.local:8080/?action=stream"
     assert printer["webcam_interval"] == 5
+    told = server.get("/printers/right/api/settings").json()["webcam"]
+    assert told == {"webcamEnabled": True, "streamUrl": "", "snapshotUrl": printer["webcam"]}
+    assert server.get("/printers/left/api/settings").json()["webcam"]["webcamEnabled"] is False
 
 
 def test_several_printers_may_share_a_host() -> None:

@@ -28,10 +28,11 @@ const BED_TEXTS = {
 /**
  * Return the card of a printer.
  *
- * @param {{name: string}} printer
+ * @param {any} printer as the feed tells it
  * @returns {{element: HTMLElement, show: (printer: any) => void}}
  */
-export function makePrinterCard({ name }) {
+export function makePrinterCard(printer) {
+  const { name } = printer;
   const send = (command) => sendCommand(name, command);
   const parts = makeParts(name);
   const bed = makeBed(name);
@@ -52,20 +53,20 @@ export function makePrinterCard({ name }) {
     material.element,
     controls.element,
     layers.element,
-    makeWebcam(name),
+    makeWebcam(printer),
     chartRow,
     log.element,
   );
   return {
     element,
-    show(printer) {
+    show(now) {
       const print = known.prints.get(name);
-      const job = known.queue.jobs.find((one) => one.id === printer.job);
+      const job = known.queue.jobs.find((one) => one.id === now.job);
       const progress = findProgress(print, job);
-      parts.show(printer, job, print?.status, progress);
+      parts.show(now, job, print?.status, progress);
       setShown(layers.element, Boolean(progress));
-      bed.show(printer);
-      material.show(printer);
+      bed.show(now);
+      material.show(now);
       setShown(controls.element, Boolean(print) && allows("control", name));
       setShown(chartRow, Boolean(print));
       setShown(log.element, Boolean(print));
