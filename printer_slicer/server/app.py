@@ -314,11 +314,11 @@ async def _wait_for_end(websocket: WebSocket) -> None:
         pass
 
 
-async def _handle_problem(_: Request, error: Exception) -> Response:
+async def _handle_problem(request: Request, error: Exception) -> Response:
     """Answer a request that cannot be carried out."""
     assert isinstance(error, ProblemError)
     headers = {"www-authenticate": "Bearer"} if error.problem.status == 401 else None
-    return respond_with_problem(error.problem, headers)
+    return respond_with_problem(error.problem, request.url.path, headers)
 
 
 async def _handle_error(request: Request, error: Exception) -> Response:
@@ -327,18 +327,19 @@ async def _handle_error(request: Request, error: Exception) -> Response:
     return await _handle_problem(request, make_problem_error(error))
 
 
-async def _handle_missing(_: Request, __: Exception) -> Response:
+async def _handle_missing(request: Request, _: Exception) -> Response:
     """Answer a request for something that does not exist."""
-    return respond_with_problem(Problem(404, "there is nothing at this address", "See /v1/openapi.json"))
+    problem = Problem(404, "there is nothing at this address", "See /v1/openapi.json")
+    return respond_with_problem(problem, request.url.path)
 
 
 async def _handle_method(request: Request, _: Exception) -> Response:
     """Answer a request with a method that an address does not have."""
-    return respond_with_problem(
-        Problem(405, f"the method {request.method} is not allowed at this address", "See /v1/openapi.json")
-    )
+    detail = f"the method {request.method} is not allowed at this address"
+    return respond_with_problem(Problem(405, detail, "See /v1/openapi.json"), request.url.path)
 
 
-async def _handle_fault(_: Request, __: Exception) -> Response:
+async def _handle_fault(request: Request, _: Exception) -> Response:
     """Answer a request that failed because of a fault of the server."""
-    return respond_with_problem(Problem(500, "the server has a fault", "See what it printed, and report it"))
+    problem = Problem(500, "the server has a fault", "See what it printed, and report it")
+    return respond_with_problem(problem, request.url.path)

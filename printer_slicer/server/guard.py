@@ -7,12 +7,13 @@ page can add. The list of hosts stops other sites that let their own name point 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from ipaddress import ip_address
 from typing import Final
 from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from printer_slicer.server.problems import Problem, respond_with_problem
@@ -26,7 +27,7 @@ PAGE_HEADER: Final = "x-printer-slicer"
 _MAX_HEADERS: Final = 100
 _MAX_HEADER_BYTES: Final = 16 * 1024
 _SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-_HEADERS: Final[Mapping[str, str]] = {
+_HEADERS: Final[dict[str, str]] = {
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "x-frame-options": "DENY",
@@ -37,6 +38,12 @@ _HEADERS: Final[Mapping[str, str]] = {
         "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     ),
     "cache-control": "no-store",
+}
+_SHARING_HEADERS: Final[dict[str, str]] = {
+    "access-control-allow-methods": "GET, POST, PUT, DELETE",
+    "access-control-allow-headers": "authorization, content-type, idempotency-key, x-api-key",
+    "access-control-max-age": "600",
+    "vary": "origin",
 }
 
 
@@ -74,12 +81,15 @@ class RequestGuard:
             await self._app(scope, receive, send)
             return
         problem = _check_head(scope, self._settings)
-        if problem is None:
-            await self._app(scope, receive, _add_headers(send))
+        shared = _list_sharing_headers(scope, self._settings)
+        if problem is None and shared and scope["method"] == "OPTIONS":
+            await Response(status_code=204)(scope, receive, _add_headers(send, shared))
+        elif problem is None:
+            await self._app(scope, receive, _add_headers(send, shared))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008, "reason": problem.detail})
         else:
-            await respond_with_problem(problem)(scope, receive, _add_headers(send))
+            await respond_with_problem(problem, scope["path"])(scope, receive, _add_headers(send, {}))
 
 
 def _check_head(scope: Scope, settings: GuardSettings) -> Problem | None:
@@ -94,17 +104,28 @@ def _check_head(scope: Scope, settings: GuardSettings) -> Problem | None:
         remedy = f"Restart the server with --host {name}" if name else "Send one Host header"
         return Problem(421, "the server is not known by this host name", remedy)
     origin = headers.get("origin")
-    if scope["type"] == "websocket" and origin and not _is_accepted(origin, hosts[0], settings):
+    if scope["type"] == "websocket" and origin and not _is_own_origin(origin, hosts[0]):
         return Problem(403, "the request comes from the page of another site", "Open the page of this server")
     return None
 
 
-def check_same_origin(method: str, headers: Headers, settings: GuardSettings) -> Problem | None:
+def _list_sharing_headers(scope: Scope, settings: GuardSettings) -> dict[str, str]:
+    """Return the headers with which a page of another accepted origin may read the response; empty for all others.
+
+    Such a page sends a key. It never gets the cookie of a session.
+    """
+    origin = Headers(raw=scope["headers"]).get("origin", "").lower()
+    if scope["type"] != "http" or origin not in settings.origins:
+        return {}
+    return _SHARING_HEADERS | {"access-control-allow-origin": origin}
+
+
+def check_same_origin(method: str, headers: Headers) -> Problem | None:
     """Return why a request with a cookie is not accepted, because another site may have sent it; None if it is."""
     if method in _SAFE_METHODS:
         return None
     origin, site = headers.get("origin"), headers.get("sec-fetch-site")
-    is_own = _is_accepted(origin, headers.get("host", ""), settings) if origin else site == "same-origin"
+    is_own = _is_own_origin(origin, headers.get("host", "")) if origin else site == "same-origin"
     if is_own and PAGE_HEADER in headers:
         return None
     return Problem(
@@ -112,9 +133,9 @@ def check_same_origin(method: str, headers: Headers, settings: GuardSettings) ->
     )
 
 
-def _is_accepted(origin: str, host: str, settings: GuardSettings) -> bool:
-    """Return whether an origin is that of the page, or one of the others that are accepted."""
-    return urlsplit(origin).netloc.lower() == host.lower() or origin.lower() in settings.origins
+def _is_own_origin(origin: str, host: str) -> bool:
+    """Return whether an origin is that of the page."""
+    return urlsplit(origin).netloc.lower() == host.lower()
 
 
 def _get_host_name(host: str) -> str:
@@ -132,13 +153,13 @@ def _get_host_name(host: str) -> str:
         return name
 
 
-def _add_headers(send: Send) -> Send:
-    """Return a function that sends messages, with the security headers in the first one of a response."""
+def _add_headers(send: Send, more: dict[str, str]) -> Send:
+    """Return a function that sends messages, with the security and other headers in the first one of a response."""
 
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
-            for name, value in _HEADERS.items():
+            for name, value in (_HEADERS | more).items():
                 headers.setdefault(name, value)
         await send(message)
 

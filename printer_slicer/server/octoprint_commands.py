@@ -14,6 +14,7 @@ from starlette.requests import Request
 from printer_slicer.server.octoprint_state import describe_state
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.server.targets import Target, find_target
+from printer_slicer.texts import format_number
 
 __all__ = ["change_bed", "change_print", "change_tool", "connect", "move_head", "send_gcode"]
 
@@ -145,7 +146,7 @@ def _move(distances: Mapping[str, float], speed: float, *, is_absolute: bool = F
         speed: mm/s.
         is_absolute: whether the distances are positions.
     """
-    words = " ".join(f"{axis}{distance:.5f}".rstrip("0").rstrip(".") for axis, distance in distances.items())
+    words = " ".join(f"{axis}{format_number(distance)}" for axis, distance in distances.items())
     modes = ("M83", "M82") if "E" in distances else ("G90", "G90") if is_absolute else ("G91", "G90")
     return [f"say {modes[0]}", f"say G1 {words} F{60 * speed:.0f}", f"say {modes[1]}"]
 

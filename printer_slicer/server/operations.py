@@ -106,7 +106,7 @@ def find_access(request: Request) -> Access:
         access = services.access.find_key(text)
     else:
         access = services.access.find_session(request.cookies.get(SESSION_COOKIE, ""))
-        problem = check_same_origin(request.method, request.headers, services.guard) if access else None
+        problem = check_same_origin(request.method, request.headers) if access else None
         if problem is not None:
             raise ProblemError(problem.status, problem.detail, problem.remedy)
     if access is None:

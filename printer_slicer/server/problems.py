@@ -1,11 +1,12 @@
-"""Errors of the web interface as problem details (RFC 9457), each with what helps."""
+"""Errors of the web interface as problem details (RFC 9457), each with what helps; for slicers as plain text."""
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from http import HTTPStatus
-from typing import Any
+from typing import Any, Final
 
 from starlette.responses import Response
 
@@ -13,6 +14,10 @@ from printer_slicer.errors import PrinterSlicerError
 from printer_slicer.values import Struct
 
 __all__ = ["Problem", "ProblemError", "make_problem_error", "respond_with_problem"]
+
+_SLICER_PATH: Final = re.compile(
+    r"(/printers/[^/]+)?/(api|server)/"
+)  # of OctoPrint's and Moonraker's interfaces
 
 
 class Problem(Struct, frozen=True):
@@ -42,8 +47,18 @@ def make_problem_error(error: PrinterSlicerError, status: int = 422) -> ProblemE
     return ProblemError(status, str(error.args[0]), error.remedy)
 
 
-def respond_with_problem(problem: Problem, headers: Mapping[str, str] | None = None) -> Response:
-    """Return a response with a problem as JSON."""
+def respond_with_problem(problem: Problem, path: str, headers: Mapping[str, str] | None = None) -> Response:
+    """Return a response with a problem: as JSON, or as a sentence to slicers, which show the body as it is.
+
+    Args:
+        problem: what is wrong.
+        path: path of the request.
+        headers: further headers.
+    """
+    if _SLICER_PATH.match(path):
+        detail = problem.detail[:1].upper() + problem.detail[1:]
+        text = f"{detail}. {problem.remedy}." if problem.remedy else f"{detail}."
+        return Response(text, problem.status, headers, media_type="text/plain")
     body: dict[str, Any] = {
         "status": problem.status,
         "title": HTTPStatus(problem.status).phrase,

@@ -138,7 +138,8 @@ def run_server(
 def _make_guard_settings(listener: Listener) -> GuardSettings:
     """Return which hosts and origins a server accepts."""
     names = _LOOPBACK_NAMES if listener.is_loopback else (*_LOOPBACK_NAMES, listener.address)
-    return GuardSettings(frozenset((*names, *map(str.lower, listener.hosts))), frozenset(listener.origins))
+    hosts = frozenset((*names, *map(str.lower, listener.hosts)))
+    return GuardSettings(hosts, frozenset(one.lower().rstrip("/") for one in listener.origins))
 
 
 def make_server_config(services: Services, listener: Listener) -> uvicorn.Config:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
 from time import time
 
 import pytest
@@ -10,7 +12,11 @@ from starlette.websockets import WebSocketDisconnect
 from printer_slicer.errors import UsageError
 from printer_slicer.print_queue import JobRequest, PrintQueue
 from printer_slicer.server.access import SCOPES, AccessStore
+from printer_slicer.server.app import make_app
+from printer_slicer.server.guard import GuardSettings
+from printer_slicer.server.operations import SESSION_COOKIE
 from printer_slicer.server.running import Listener
+from printer_slicer.server.services import Services
 from tests.server.client import GCODE, PAGE, ServerClient
 
 
@@ -26,7 +32,7 @@ def test_without_a_key_nothing_is_told(server: ServerClient) -> None:
     ):
         answer = server.get(path)
         assert answer.status_code == 401, path
-        assert answer.json()["remedy"]
+        assert "Create a key: printer-slicer serve --new-key NAME" in answer.text
 
 
 @pytest.mark.parametrize("key", ["", "ps_", "ps_00000000_x", "x" * 5000, "ps_' OR 1=1_x", "ps_\udcff"])
@@ -218,3 +224,52 @@ def test_a_link_works_after_the_clock_was_set(
     monkeypatch.setattr("printer_slicer.server.access.time", lambda: time() + 30 * 86400)
     assert server.get("/sign-in", params={"token": token}, follow_redirects=False).status_code == 303
     assert server.get("/v1/me").status_code == 200
+
+
+@pytest.fixture
+def shared(queue: PrintQueue, access: AccessStore, tmp_path: Path) -> Iterator[ServerClient]:
+    """A server whose interface a page of another site may use."""
+    _, key = access.create_key("farm", ["read", "control"])
+    guard = GuardSettings(frozenset({"testserver"}), frozenset({"https://farm.example"}))
+    with ServerClient(make_app(Services(queue, access, guard, tmp_path / "prints"))) as client:
+        client.headers["x-api-key"] = key
+        yield client
+
+
+def test_a_page_of_a_named_origin_may_use_the_interface_with_a_key(shared: ServerClient) -> None:
+    origin = {"origin": "https://farm.example"}
+    asked = origin | {"access-control-request-method": "PUT", "access-control-request-headers": "x-api-key"}
+    answer = shared.options("/v1/printers/left/bed", headers=asked)
+    assert answer.status_code == 204
+    assert answer.headers["access-control-allow-origin"] == "https://farm.example"
+    assert "PUT" in answer.headers["access-control-allow-methods"]
+    assert "x-api-key" in answer.headers["access-control-allow-headers"]
+    assert "access-control-allow-credentials" not in answer.headers
+    changed = shared.put("/v1/printers/left/bed", json={"bed": "clear"}, headers=origin)
+    assert changed.status_code == 200
+    assert changed.headers["access-control-allow-origin"] == "https://farm.example"
+    assert "origin" in changed.headers["vary"]
+
+
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "null", "http://farm.example", "https://farm.example.org"]
+)
+def test_no_other_page_may_read_a_response(shared: ServerClient, origin: str) -> None:
+    for answer in (
+        shared.options("/v1/queue", headers={"origin": origin, "access-control-request-method": "GET"}),
+        shared.get("/v1/queue", headers={"origin": origin}),
+    ):
+        assert not [name for name in answer.headers if name.startswith("access-control")]
+
+
+def test_a_page_of_a_named_origin_never_acts_with_a_session(
+    shared: ServerClient, access: AccessStore
+) -> None:
+    del shared.headers["x-api-key"]
+    secret = access.sign_in(access.create_link_token())
+    assert secret is not None
+    shared.cookies.set(SESSION_COOKIE, secret)
+    headers = {"origin": "https://farm.example", "x-printer-slicer": "1"}
+    assert shared.put("/v1/printers/left/bed", json={"bed": "clear"}, headers=headers).status_code == 403
+    with pytest.raises(WebSocketDisconnect), shared.websocket_connect("/v1/feed", headers=headers):
+        pass

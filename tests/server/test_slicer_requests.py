@@ -140,10 +140,10 @@ def test_what_cura_was_recorded_to_send_is_taken(live: LiveServer) -> None:
     assert len(sent) == len(recorded)
     received, answers = b"", {}
     with live.connect() as connection:  # Cura keeps it open
-        for request in re.split(rb"(?=(?:GET|POST) /printers/left/api/)", sent)[1:]:
-            connection.sendall(request)
+        for one in re.split(rb"(?=(?:GET|POST) /printers/left/api/)", sent)[1:]:
+            connection.sendall(one)
             response = read_response(connection)
-            answers[request.split()[1].removeprefix(b"/printers/left/api/")] = status_of(response)
+            answers[one.split()[1].removeprefix(b"/printers/left/api/")] = status_of(response)
             received += response
 
     commands = (b"job", b"printer/command")  # come last, and nothing is printed
@@ -165,6 +165,20 @@ def test_what_cura_was_recorded_to_send_is_taken(live: LiveServer) -> None:
     assert content in sent
 
 
+def test_what_slicers_show_of_an_error_is_a_sentence(live: LiveServer) -> None:
+    more = '; filename="part.ufp"\r\nContent-Type: application/octet-stream'
+    body = curl_part("file", GCODE, more) + f"--{CURL}--\r\n".encode()
+    headers = f"X-Api-Key: {live.key}\r\nContent-Type: multipart/form-data; boundary={CURL}\r\n"
+    for path in ("api/files/local", "server/files/upload"):
+        response = request(live, f"POST /printers/left/{path}", headers, body)
+        assert status_of(response) == 415
+        head, _, text = response.partition(b"\r\n\r\n")
+        assert b"content-type: text/plain" in head
+        assert text.startswith(b"Only plain G-code can be uploaded here, with a name such as part.gcode. ")
+    response = request(live, "GET /printers/lift/api/version", headers)
+    assert response.endswith(b"There is no printer lift. Use one of: left.")
+
+
 def test_an_app_sends_gcode_and_the_emergency_stop_during_a_print(live: LiveServer) -> None:
     job = add_job(live.queue, b"G28\nM83\nM109 S200\nG1 X20 Y20 Z0.2 E1 F1200\nG4 S600\nM104 S0\n")
     path = "POST /printers/left/api/printer/command"
@@ -176,7 +190,7 @@ def test_an_app_sends_gcode_and_the_emergency_stop_during_a_print(live: LiveServ
             assert status_of(request(live, path, headers, refused)) == 409, refused
         homing = request(live, path, headers, b'{"command": "G28"}')
         assert status_of(homing) == 409
-        assert b'"remedy": "Pause the print' in homing
+        assert b". Pause the print" in homing
         assert status_of(request(live, path, headers, b'{"command": "M112"}')) == 204
         until(lambda: live.queue.find_job(job).state != "printing")
     assert "emergency stop" in live.queue.find_job(job).message
