@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import re
+from collections import Counter
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
@@ -332,7 +333,7 @@ def lightness(colour: str) -> float:
     return 116 * y ** (1 / 3) - 16 if y > 0.008856 else 903.3 * y
 
 
-def test_the_front_view_shows_each_stack_with_its_own_layers() -> None:
+def test_both_views_show_each_stack_with_its_own_layers() -> None:
     left, right = box_part((8.0, 8.0, 6.0)), box_part((8.0, 8.0, 6.0), at=(20.0, 0.0, 0.0))
     plans = [LayerPlan.from_tops(np.arange(1, n + 1) * (6.0 / n)) for n in (20, 30)]
     stacks = [
@@ -344,6 +345,9 @@ def test_the_front_view_shows_each_stack_with_its_own_layers() -> None:
 
     assert len(left_sides) == 20 + 30
     assert left_sides.count(min(left_sides)) == 20
+    tops = [one for one in picture.shapes if isinstance(one, Fill) and one.name == "top"]
+    assert sorted(Counter(round(one.rings[0][:, 0].min()) for one in tops).values()) == [20, 30]
+    assert len({one.colour for one in tops}) == 2
 
 
 @given(st.lists(st.integers(5, 80), min_size=2, max_size=60))

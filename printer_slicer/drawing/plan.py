@@ -58,7 +58,7 @@ def draw_plan(
         title: one line above the picture.
         tolerance: mm, largest allowed deviation, or None.
         flats: mm, heights of flat surfaces, marked on the z axis.
-        stacks: the sections of each stack, if there are several; the front view then shows each with its own layers.
+        stacks: the sections of each stack, if there are several; the views then show each with its own layers.
 
     Raises:
         ValueError: the certificate belongs to another plan, or the plan is empty.
@@ -74,7 +74,7 @@ def draw_plan(
     front, error, heights, stack = (
         Panel(*sides, top, axis.floor) for sides in (_FRONT, _ERROR, _HEIGHTS, _STACK)
     )
-    prisms, step = draw_stack(sections, colours, replace(stack, top=top - 40))
+    prisms, step = draw_stack(fronts, replace(stack, top=top - 40))
     parts = certificate.parts or (certificate,)
     ranges_beyond = _list_ranges_above(parts, tolerance)
     shapes = [

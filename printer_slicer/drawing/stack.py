@@ -52,32 +52,41 @@ class _View(Struct, frozen=True):
         return np.column_stack([x, y])
 
 
-def draw_stack(sections: Sections, colours: Sequence[str], panel: Panel) -> tuple[list[Shape], float]:
+def draw_stack(stacks: Sequence[tuple[Sections, Sequence[str]]], panel: Panel) -> tuple[list[Shape], float]:
     """Draw the layers as prisms on the bed, each in its colour, as large as possible.
 
     Args:
-        sections: the part's solid areas; their plan gives the layers.
-        colours: one per layer.
+        stacks: the solid areas of each stack, whose plan gives the layers, with the colour of each layer.
         panel: where to draw.
 
     Returns:
         The shapes, and the step of the bed's grid, mm; no shapes and 0 for an empty part.
     """
-    solid, plan = sections.solid, sections.plan
-    if solid.n_rings == 0:
+    xy = np.concatenate([one.solid.xy for one, _ in stacks])
+    if not len(xy):
         return [], 0.0
-    low, high = solid.xy.min(axis=0), solid.xy.max(axis=0)
+    low, high = xy.min(axis=0), xy.max(axis=0)
     middle, reach = (low + high) / 2, max(float((high - low).max()), 1e-6)
     step = float(choose_axis_marks(1.2 * reach, 8)[1])
     half = (high - low) / 2 + _BORDER * reach
     bed = _rotate(half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    rotated = _rotate(solid.xy - middle)
-    view = _fit_view(bed, rotated, plan.top[solid.point_layer], panel)
+    top = np.concatenate([one.plan.top[one.solid.point_layer] for one, _ in stacks])
+    view = _fit_view(bed, _rotate(xy - middle), top, panel)
     shapes = list(_draw_bed(half, step, view))
-    drawn, bottom, top = _reduce_to_visible(sections, view.scale)
-    for layer, rings in _split_layers(drawn, middle):
-        shapes += _draw_prism(rings, view, (float(bottom[layer]), float(top[layer])), colours[layer])
+    prisms = [prism for one, colours in stacks for prism in _list_prisms(one, colours, middle, view.scale)]
+    # Seen from above, what is farther away is hidden by what is higher.
+    for rings, z, colour in sorted(prisms, key=lambda prism: prism[1][1]):
+        shapes += _draw_prism(rings, view, z, colour)
     return shapes, step
+
+
+def _list_prisms(
+    sections: Sections, colours: Sequence[str], middle: Float, scale: float
+) -> Iterator[tuple[Areas, tuple[float, float], str]]:
+    """Yield rotated areas, bottom and top in mm, and colour of the visible layers of a stack."""
+    drawn, bottom, top = _reduce_to_visible(sections, scale)
+    for layer, rings in _split_layers(drawn, middle):
+        yield rings, (float(bottom[layer]), float(top[layer])), colours[layer]
 
 
 def _rotate(xy: Float) -> Float:
