@@ -244,7 +244,10 @@ def _format_layers(verdict: Verdict, deposition: Deposition) -> str:
     heights = _list_layer_heights(deposition)
     if not len(heights):
         return "none"
-    summary = f"{len(heights)}, {_format_heights(heights)}; {heights.sum():.6g} mm high"
+    printed = sum(bool(layer.number) and layer.length > 0 for layer in deposition.layers)
+    # Objects that are printed one after the other have layers at the same heights.
+    count = f"{printed} at {len(heights)} heights" if printed > len(heights) else f"{printed}"
+    summary = f"{count}, {_format_heights(heights)}; {heights.sum():.6g} mm high"
     if not verdict.heights_equal:
         return f"{summary}; NOT at the heights of the file"
     slowest = max(deposition.layers, key=lambda layer: layer.seconds)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import printer_slicer as ps
+from printer_slicer.cli.verdicts import format_verdict
 from printer_slicer.errors import PartError, ProfileError
 from printer_slicer.importing import ImportedProfile
 from printer_slicer.inspection.dry_run.runner import dry_run
@@ -130,9 +132,12 @@ def test_the_file_prints_as_planned_on_the_simulated_printer() -> None:
     text = job.text.decode()
     assert text.count("M0") + text.count("M25") + text.count("M601") == 3
 
-    verdict = dry_run(ps.job_of(THREE, load(), placement=AS_PLACED), load())
+    printed = ps.job_of(THREE, load(), placement=AS_PLACED)
+    verdict = dry_run(printed, load())
     assert verdict.problems == ()
     assert verdict.heights_equal
+    n_layers = printed.program.plan.n_layers
+    assert f"layers      {n_layers} at " in format_verdict(Namespace(verbose=False), verdict, printed, load())
 
 
 def test_a_printer_that_skips_an_object_first_goes_above_its_end(sliced: ps.Stages) -> None:
