@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import closing, suppress
 from itertools import islice
 from pathlib import Path
 from threading import Event as Flag
 from time import monotonic, time
-from typing import Any, Final, NoReturn, get_args
+from typing import Final
 
 from printer_slicer.diagnostics import check_allowed_codes
 from printer_slicer.errors import PrinterSlicerError, UsageError
@@ -19,6 +18,22 @@ from printer_slicer.print_queue.file_facts import FileFacts, format_facts, parse
 from printer_slicer.print_queue.file_store import DEFAULT_MAX_BYTES, FileStore
 from printer_slicer.print_queue.folders import DATABASE_FILE, default_queue_folder, has_default_queue
 from printer_slicer.print_queue.printers import PrinterEntry, find_printers_file, read_printers
+from printer_slicer.print_queue.queue_rows import (
+    LIST_REMEDY,
+    SELECT_JOB,
+    SELECT_RUN,
+    change_state,
+    clip_number,
+    find_jobs_of_request,
+    insert_job,
+    make_job,
+    make_run,
+    raise_missing_job,
+    read_order,
+    read_state,
+    store_request,
+    write_order,
+)
 from printer_slicer.print_queue.records import (
     ACTIVE_STATES,
     WAITING_STATES,
@@ -31,7 +46,6 @@ from printer_slicer.print_queue.records import (
     QueuedJob,
     QueueSnapshot,
     RunOutcome,
-    check_transition,
     clean_name,
 )
 from printer_slicer.printing.job_store import is_same_port
@@ -44,9 +58,6 @@ MAX_COPIES: Final = 1000
 """Largest number of jobs that one request adds."""
 
 _POLL_INTERVAL: Final = 0.1  # s
-_REQUEST_SECONDS: Final = 86400.0  # in which a request is recognised when it is sent again
-_MAX_NUMBER: Final = (1 << 63) - 1  # of SQLite
-_LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 _OUTCOME_STATES: Final[dict[RunOutcome, JobState]] = {
     "done": "done",
     "failed": "failed",
@@ -219,14 +230,14 @@ class PrintQueue:
         }
         content = json.dumps([file_id, as_dict(request)])
         with self._database.transaction() as connection:
-            numbers = _find_jobs_of_request(connection, request_id, content)
+            numbers = find_jobs_of_request(connection, request_id, content)
             if not numbers:
                 self._require_content(file_id)
-                numbers = [_insert_job(connection, values) for _ in range(request.copies)]
-                _store_request(connection, request_id, content, numbers)
+                numbers = [insert_job(connection, values) for _ in range(request.copies)]
+                store_request(connection, request_id, content, numbers)
                 if request.first:
-                    waiting = _read_order(connection)
-                    _write_order(connection, [*numbers, *(one for one in waiting if one not in numbers)])
+                    waiting = read_order(connection)
+                    write_order(connection, [*numbers, *(one for one in waiting if one not in numbers)])
         return tuple(self.find_job(number) for number in numbers)
 
     def find_job(self, job: int) -> QueuedJob:
@@ -235,19 +246,17 @@ class PrintQueue:
         Raises:
             UsageError: there is none with this number.
         """
-        rows = self._database.read(f"{_SELECT_JOB} WHERE id = ?", _clip_number(job))
-        return _make_job(rows[0]) if rows else _raise_missing_job(job)
+        rows = self._database.read(f"{SELECT_JOB} WHERE id = ?", clip_number(job))
+        return make_job(rows[0]) if rows else raise_missing_job(job)
 
     def list_ended_jobs(self, most: int = 100) -> tuple[QueuedJob, ...]:
         """Return the jobs that have ended, the last added first."""
         ended = "WHERE state IN ('done', 'failed', 'cancelled') ORDER BY id DESC LIMIT ?"
-        return tuple(map(_make_job, self._database.read(f"{_SELECT_JOB} {ended}", most)))
+        return tuple(map(make_job, self._database.read(f"{SELECT_JOB} {ended}", most)))
 
     def list_runs(self, job: int) -> tuple[PrintRun, ...]:
         """Return all runs of a job, the first one first."""
-        return tuple(
-            map(_make_run, self._database.read(f"{_SELECT_RUN} WHERE job = ? ORDER BY started", job))
-        )
+        return tuple(map(make_run, self._database.read(f"{SELECT_RUN} WHERE job = ? ORDER BY started", job)))
 
     def move_job(self, job: int, before: int | None = None) -> None:
         """Move a waiting job before another waiting job, or with None to the end of the queue.
@@ -257,13 +266,13 @@ class PrintQueue:
         """
         with self._database.transaction() as connection:
             for number in (job,) if before is None else (job, before):
-                if (state := _read_state(connection, number)) not in WAITING_STATES:
+                if (state := read_state(connection, number)) not in WAITING_STATES:
                     raise UsageError(
-                        f"job {number} is {state} and is not waiting in the queue", remedy=_LIST_REMEDY
+                        f"job {number} is {state} and is not waiting in the queue", remedy=LIST_REMEDY
                     )
-            order = [number for number in _read_order(connection) if number != job]
+            order = [number for number in read_order(connection) if number != job]
             order.insert(len(order) if before in {None, job} else order.index(before or 0), job)
-            _write_order(connection, order)
+            write_order(connection, order)
 
     def hold_job(self, job: int) -> None:
         """Keep a ready job from being started until it is released.
@@ -272,7 +281,7 @@ class PrintQueue:
             UsageError: the job does not exist, or is not ready.
         """
         with self._database.transaction() as connection:
-            _change_state(connection, job, "held")
+            change_state(connection, job, "held")
 
     def release_job(self, job: int) -> None:
         """Make a job ready that is held, has failed or was cancelled; it keeps its place.
@@ -281,10 +290,10 @@ class PrintQueue:
             UsageError: the job does not exist, is in another state, or its file was deleted.
         """
         with self._database.transaction() as connection:
-            if _read_state(connection, job) in ACTIVE_STATES:
-                raise UsageError(f"job {job} is printing", remedy=_LIST_REMEDY)
+            if read_state(connection, job) in ACTIVE_STATES:
+                raise UsageError(f"job {job} is printing", remedy=LIST_REMEDY)
             self._require_content(self.find_job(job).file)
-            _change_state(connection, job, "ready")
+            change_state(connection, job, "ready")
 
     def cancel_job(self, job: int) -> QueuedJob:
         """Cancel a job. A job that is printing is still active afterwards: its supervisor ends the print.
@@ -293,10 +302,10 @@ class PrintQueue:
             UsageError: the job does not exist, or has ended.
         """
         with self._database.transaction() as connection:
-            if _read_state(connection, job) in ACTIVE_STATES:
+            if read_state(connection, job) in ACTIVE_STATES:
                 connection.execute("UPDATE run SET is_cancelling = 1 WHERE job = ? AND ended IS NULL", (job,))
             else:
-                _change_state(connection, job, "cancelled", "cancelled before it was started")
+                change_state(connection, job, "cancelled", "cancelled before it was started")
         return self.find_job(job)
 
     # Printers.
@@ -395,9 +404,9 @@ class PrintQueue:
         waiting = "WHERE state NOT IN ('done', 'failed', 'cancelled') ORDER BY position, id"
         with self._database.transaction(changes=False) as connection:
             revision = connection.execute("SELECT number FROM revision").fetchone()[0]
-            jobs = tuple(map(_make_job, connection.execute(f"{_SELECT_JOB} {waiting}")))
+            jobs = tuple(map(make_job, connection.execute(f"{SELECT_JOB} {waiting}")))
             runs = tuple(
-                map(_make_run, connection.execute(f"{_SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
+                map(make_run, connection.execute(f"{SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
             )
             rows = {row["name"]: row for row in connection.execute("SELECT * FROM printer")}
         active = {run.printer: run.job for run in runs}
@@ -438,9 +447,7 @@ class PrintQueue:
 
     def list_active_runs(self) -> tuple[PrintRun, ...]:
         """Return the runs that have not ended, the first one first."""
-        return tuple(
-            map(_make_run, self._database.read(f"{_SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
-        )
+        return tuple(map(make_run, self._database.read(f"{SELECT_RUN} WHERE ended IS NULL ORDER BY started")))
 
     def begin_run(self, run: str, job: int, printer: str) -> bool:
         """Give a ready job to a printer whose bed is clear, and mark the bed as occupied.
@@ -465,7 +472,7 @@ class PrintQueue:
             connection.execute(
                 "INSERT INTO run (id, job, printer, started) VALUES (?, ?, ?, ?)", (run, job, printer, time())
             )
-            _change_state(connection, job, "starting")
+            change_state(connection, job, "starting")
             connection.execute("UPDATE job SET run = ? WHERE id = ?", (run, job))
         return True
 
@@ -473,8 +480,8 @@ class PrintQueue:
         """Record that the print of a run can be controlled; no change if that is known."""
         with self._database.transaction() as connection:
             row = connection.execute("SELECT job FROM run WHERE id = ? AND ended IS NULL", (run,)).fetchone()
-            if row and _read_state(connection, row["job"]) == "starting":
-                _change_state(connection, row["job"], "printing")
+            if row and read_state(connection, row["job"]) == "starting":
+                change_state(connection, row["job"], "printing")
 
     def end_run(self, run: str, outcome: RunOutcome, message: str) -> None:
         """Record how a run has ended; no change if that is known. The bed stays occupied."""
@@ -487,110 +494,6 @@ class PrintQueue:
                 state = "cancelled"
             ended = "UPDATE run SET ended = ?, outcome = ?, message = ? WHERE id = ?"
             connection.execute(ended, (time(), outcome, message, run))
-            _change_state(connection, row["job"], state, message)
+            change_state(connection, row["job"], state, message)
             said = f"job {row['job']}: {message}" if message else ""
             connection.execute("UPDATE printer SET message = ? WHERE name = ?", (said, row["printer"]))
-
-
-# Rows.
-
-_SELECT_JOB: Final = "SELECT id, name, file, state, printer, material, allow, added, message, run FROM job"
-_SELECT_RUN: Final = "SELECT id, job, printer, started, ended, outcome, message, is_cancelling FROM run"
-
-
-def _make_job(row: sqlite3.Row) -> QueuedJob:
-    """Make a job from its row."""
-    values: dict[str, Any] = dict(row)
-    assert values["state"] in get_args(JobState)
-    return QueuedJob(**values | {"allow": tuple(json.loads(values["allow"]))})
-
-
-def _make_run(row: sqlite3.Row) -> PrintRun:
-    """Make a run from its row."""
-    values: dict[str, Any] = dict(row)
-    return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"])})
-
-
-def _find_jobs_of_request(connection: sqlite3.Connection, request_id: str, content: str) -> list[int]:
-    """Return the jobs that a request has added before; empty if it is new.
-
-    Raises:
-        UsageError: it has the id of another request.
-    """
-    statement = "SELECT content, jobs FROM request WHERE id = ? AND added > ?"
-    row = connection.execute(statement, (request_id, time() - _REQUEST_SECONDS)).fetchone()
-    if row is None or not request_id:
-        return []
-    if row["content"] != content:
-        raise UsageError(
-            "another request had the same idempotency key", remedy="Choose a new key for each request"
-        )
-    numbers: list[int] = json.loads(row["jobs"])
-    return numbers
-
-
-def _store_request(
-    connection: sqlite3.Connection, request_id: str, content: str, numbers: Sequence[int]
-) -> None:
-    """Store which jobs a request has added, and delete old requests."""
-    if request_id:
-        now = time()
-        connection.execute("DELETE FROM request WHERE added <= ?", (now - _REQUEST_SECONDS,))
-        row = (request_id, content, json.dumps(list(numbers)), now)
-        connection.execute("INSERT INTO request VALUES (?, ?, ?, ?)", row)
-
-
-def _clip_number(job: int) -> int:
-    """Return the number of a job, or one that no job has if SQLite cannot hold it."""
-    return max(-1, min(job, _MAX_NUMBER))
-
-
-def _insert_job(connection: sqlite3.Connection, values: dict[str, Any]) -> int:
-    """Insert a job at the end of the queue; return its number."""
-    position = connection.execute("SELECT coalesce(max(position), 0) + 1 FROM job").fetchone()[0]
-    names = ", ".join(values)
-    cursor = connection.execute(
-        f"INSERT INTO job (position, {names}) VALUES (?{', ?' * len(values)})",  # noqa: S608 - names of columns
-        (position, *values.values()),
-    )
-    return int(cursor.lastrowid or 0)
-
-
-def _read_state(connection: sqlite3.Connection, job: int) -> JobState:
-    """Return the state of a job.
-
-    Raises:
-        UsageError: there is none with this number.
-    """
-    row = connection.execute("SELECT state FROM job WHERE id = ?", (_clip_number(job),)).fetchone()
-    state: JobState = row["state"] if row else _raise_missing_job(job)
-    return state
-
-
-def _change_state(connection: sqlite3.Connection, job: int, state: JobState, message: str = "") -> None:
-    """Change the state of a job.
-
-    Raises:
-        UsageError: the job does not exist, or may not change so; see `TRANSITIONS`.
-    """
-    check_transition(job, _read_state(connection, job), state)
-    connection.execute("UPDATE job SET state = ?, message = ? WHERE id = ?", (state, message, job))
-
-
-def _read_order(connection: sqlite3.Connection) -> list[int]:
-    """Return the numbers of the waiting jobs in their order."""
-    rows = connection.execute("SELECT id FROM job WHERE state IN ('held', 'ready') ORDER BY position, id")
-    return [row["id"] for row in rows]
-
-
-def _write_order(connection: sqlite3.Connection, jobs: Sequence[int]) -> None:
-    """Give the waiting jobs the positions that they have together, in a new order."""
-    marks = ", ".join("?" * len(jobs))
-    rows = connection.execute(f"SELECT position FROM job WHERE id IN ({marks}) ORDER BY position", jobs)  # noqa: S608 - marks
-    positions = [row["position"] for row in rows]
-    connection.executemany("UPDATE job SET position = ? WHERE id = ?", zip(positions, jobs, strict=True))
-
-
-def _raise_missing_job(job: int) -> NoReturn:
-    """Raise the error of a job that does not exist."""
-    raise UsageError(f"there is no job {job}", remedy=_LIST_REMEDY)

@@ -22,11 +22,11 @@ from printer_slicer.print_queue.database import QueueDatabase
 from printer_slicer.server.problems import ProblemError
 from printer_slicer.values import Struct
 
-__all__ = ["ANY_PRINTER", "SCOPES", "SLICER_SCOPES", "Access", "AccessStore", "ApiKey", "Permission"]
+__all__ = ["ANY_PRINTER", "SCOPES", "SLICER_SCOPES", "Access", "AccessStore", "ApiKey", "KeyScope"]
 
-Permission = Literal["read", "upload", "print", "control", "admin"]
-SCOPES: Final[frozenset[Permission]] = frozenset(get_args(Permission))
-SLICER_SCOPES: Final[frozenset[Permission]] = frozenset({"read", "upload", "print"})
+KeyScope = Literal["read", "upload", "print", "control", "admin"]
+SCOPES: Final[frozenset[KeyScope]] = frozenset(get_args(KeyScope))
+SLICER_SCOPES: Final[frozenset[KeyScope]] = frozenset({"read", "upload", "print"})
 """What a key for a slicer may do."""
 
 ANY_PRINTER: Final = "*"
@@ -69,7 +69,7 @@ class ApiKey(Struct, frozen=True):
 
     id: str
     name: str
-    scopes: frozenset[Permission]
+    scopes: frozenset[KeyScope]
     printer: str
     created: float
     used: float | None
@@ -86,26 +86,24 @@ class Access(Struct, frozen=True):
     """
 
     name: str
-    scopes: frozenset[Permission]
+    scopes: frozenset[KeyScope]
     printer: str = ""
     session: bytes = b""
 
-    def allows(self, permission: Permission, printer: str = "") -> bool:
+    def allows(self, scope: KeyScope, printer: str = "") -> bool:
         """Return whether something is allowed, on a printer if one is given."""
         is_for_it = not self.printer or not printer or printer == self.printer
-        return permission in self.scopes and is_for_it
+        return scope in self.scopes and is_for_it
 
-    def require(self, permission: Permission, printer: str = "") -> None:
+    def require(self, scope: KeyScope, printer: str = "") -> None:
         """Check that something is allowed, on a printer if one is given.
 
         Raises:
             ProblemError: it is not.
         """
-        if not self.allows(permission, printer):
+        if not self.allows(scope, printer):
             where = f" on printer {printer}" if printer else ""
-            raise ProblemError(
-                403, f"this key does not allow {permission}{where}", "Use a key with this permission"
-            )
+            raise ProblemError(403, f"this key does not allow {scope}{where}", "Use a key with this scope")
 
 
 class AccessStore:
@@ -121,7 +119,7 @@ class AccessStore:
         self._database.close()
 
     def create_key(
-        self, name: str, scopes: Iterable[Permission] = SLICER_SCOPES, printer: str = ""
+        self, name: str, scopes: Iterable[KeyScope] = SLICER_SCOPES, printer: str = ""
     ) -> tuple[ApiKey, str]:
         """Create a key; return it, and its text, which is never shown again.
 
@@ -132,7 +130,7 @@ class AccessStore:
         if not name.strip() or not wanted or wanted - SCOPES:
             raise UsageError(
                 "a key needs a name and scopes",
-                remedy=f"Choose scopes among {', '.join(get_args(Permission))}",
+                remedy=f"Choose scopes among {', '.join(get_args(KeyScope))}",
             )
         id_, secret = secrets.token_hex(4), secrets.token_urlsafe(32)
         key = ApiKey(id_, name.strip()[:80], wanted, printer, time(), None)

@@ -319,4 +319,4 @@ OPERATIONS: Final = (
         None,
     ),
 )
-"""All operations with a method, a path and a permission."""
+"""All operations with a method, a path and a scope."""

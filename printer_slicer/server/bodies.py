@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from printer_slicer.print_queue import FileFacts, JobRequest, PrintRun, QueuedFile, QueuedJob
-from printer_slicer.server.access import SLICER_SCOPES, ApiKey, Permission
+from printer_slicer.server.access import SLICER_SCOPES, ApiKey, KeyScope
 from printer_slicer.values import Struct
 
 __all__ = [
@@ -62,7 +62,7 @@ class KeyBody(Struct, frozen=True, forbid_unknown_fields=True):
     """A key to create."""
 
     name: str
-    scopes: frozenset[Permission] = SLICER_SCOPES
+    scopes: frozenset[KeyScope] = SLICER_SCOPES
     printer: str = ""
 
 
@@ -77,7 +77,7 @@ class Account(Struct, frozen=True):
     """Who sent the request, and what is allowed."""
 
     name: str
-    scopes: tuple[Permission, ...]
+    scopes: tuple[KeyScope, ...]
     printer: str
 
 

@@ -39,7 +39,7 @@ def _describe_operation(one: Operation, path: str, schema_of: dict[int, dict[str
     """Return the description of an operation."""
     described: dict[str, Any] = {
         "summary": one.summary,
-        "description": f"Needs the permission {one.permission}.",
+        "description": f"Needs the scope {one.scope}.",
     }
     names = re.findall(r"{(\w+)}", path)
     if names:

@@ -1,4 +1,4 @@
-"""What an operation of the web interface is: a function with a method, a path and a permission."""
+"""What an operation of the web interface is: a function with a method, a path and a scope."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from starlette.convertors import Convertor, register_url_convertor
 from starlette.requests import Request
 from starlette.responses import Response
 
-from printer_slicer.server.access import Access, Permission
+from printer_slicer.server.access import Access, KeyScope
 from printer_slicer.server.guard import check_same_origin
 from printer_slicer.server.json_values import decode_json, encode_json
 from printer_slicer.server.problems import ProblemError
@@ -76,7 +76,7 @@ class Operation(Struct, frozen=True):
     Attributes:
         method: of HTTP.
         path: with parameters in braces.
-        permission: what the sender must be allowed.
+        scope: what the sender must be allowed.
         summary: what it does, for people.
         run: carries it out, in a thread; what it returns becomes JSON, None an empty response.
         body: type of the body; None if it has none.
@@ -86,7 +86,7 @@ class Operation(Struct, frozen=True):
 
     method: str
     path: str
-    permission: Permission
+    scope: KeyScope
     summary: str
     run: Callable[[CheckedRequest], Any]
     body: type | None = None
@@ -122,14 +122,14 @@ def read_key(headers: Mapping[str, str]) -> str:
     return token.strip() if not text and scheme.lower() == "bearer" else text
 
 
-def require_access(request: Request, permission: Permission) -> Access:
+def require_access(request: Request, scope: KeyScope) -> Access:
     """Return who sent a request, and may do something.
 
     Raises:
         ProblemError: it has no valid key and no session, another site may have sent it, or it is not allowed.
     """
     access = find_access(request)
-    access.require(permission)
+    access.require(scope)
     return access
 
 
@@ -147,7 +147,7 @@ async def run_operation(operation: Operation, request: Request) -> Response:
 
 def _run_in_thread(operation: Operation, request: Request, data: bytes) -> Response:
     """Check a request whose body was read, carry it out, and return the response."""
-    access = require_access(request, operation.permission)
+    access = require_access(request, operation.scope)
     body = None if operation.body is None else _decode_body(data, operation.body)
     call = CheckedRequest(
         request.app.state.services,

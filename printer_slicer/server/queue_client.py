@@ -35,7 +35,7 @@ class QueueClient:
 
     Args:
         url: address of the server.
-        key: key with the permissions `read` and `upload`, and `print` or `control`.
+        key: key with the scopes `read` and `upload`, and `print` or `control`.
 
     Raises:
         UsageError: the address is invalid; of all methods: the server rejects the request.

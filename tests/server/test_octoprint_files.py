@@ -48,7 +48,7 @@ def test_the_version_names_a_printer_that_does_not_exist(server: ServerClient) -
     assert "no printer lef" in answer.text
 
 
-def test_gcode_needs_a_print_and_permission(server: ServerClient, access: AccessStore) -> None:
+def test_gcode_needs_a_print_and_the_scope(server: ServerClient, access: AccessStore) -> None:
     path = f"{API}/printer/command"
     assert server.post(path, json={"commands": ["M117 x"]}).status_code == 409
     assert server.post(path, json={"commands": "M117 x"}).status_code == 400

@@ -38,10 +38,10 @@ export function onChange(listener) {
   listeners.add(listener);
 }
 
-/** Return whether the one who is signed in may do something. @param {string} permission @param {string} [printer] */
-export function allows(permission, printer = "") {
+/** Return whether the one who is signed in may do something. @param {string} scope @param {string} [printer] */
+export function allows(scope, printer = "") {
   const { account } = known;
-  return Boolean(account?.scopes.includes(permission)) && (!account.printer || !printer || account.printer === printer);
+  return Boolean(account?.scopes.includes(scope)) && (!account.printer || !printer || account.printer === printer);
 }
 
 /** Ask who is signed in, and follow the feed if somebody is. */
