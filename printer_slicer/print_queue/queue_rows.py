@@ -12,9 +12,18 @@ from time import time
 from typing import Any, Final, NoReturn, get_args
 
 from printer_slicer.errors import UsageError
-from printer_slicer.print_queue.records import JobState, PrintRun, QueuedJob, check_transition
+from printer_slicer.print_queue.records import (
+    ENDED_STATES,
+    WAITING_STATES,
+    JobState,
+    PrintRun,
+    QueuedJob,
+    check_transition,
+)
 
 __all__ = [
+    "HAS_ENDED",
+    "IS_WAITING",
     "LIST_REMEDY",
     "SELECT_JOB",
     "SELECT_RUN",
@@ -33,6 +42,18 @@ __all__ = [
 
 LIST_REMEDY: Final = "Run printer-slicer queue list to see the queue"
 """What helps if a job does not exist or is in another state."""
+
+
+def _make_condition(states: frozenset[JobState]) -> str:
+    """Return the condition of jobs in one of these states, as SQL."""
+    return f"state IN ({', '.join(repr(state) for state in sorted(states))})"
+
+
+IS_WAITING: Final = _make_condition(WAITING_STATES)
+"""Condition of jobs that wait."""
+
+HAS_ENDED: Final = _make_condition(ENDED_STATES)
+"""Condition of jobs that have ended."""
 
 _REQUEST_SECONDS: Final = 86400.0  # in which a request is recognised when it is sent again
 _MAX_NUMBER: Final = (1 << 63) - 1  # of SQLite
@@ -125,7 +146,7 @@ def change_state(connection: sqlite3.Connection, job: int, state: JobState, mess
 
 def read_order(connection: sqlite3.Connection) -> list[int]:
     """Return the numbers of the waiting jobs in their order."""
-    rows = connection.execute("SELECT id FROM job WHERE state IN ('held', 'ready') ORDER BY position, id")
+    rows = connection.execute(f"SELECT id FROM job WHERE {IS_WAITING} ORDER BY position, id")  # noqa: S608 - a constant
     return [row["id"] for row in rows]
 
 

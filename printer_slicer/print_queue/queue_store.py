@@ -19,6 +19,7 @@ from printer_slicer.print_queue.file_store import DEFAULT_MAX_BYTES, FileStore
 from printer_slicer.print_queue.folders import DATABASE_FILE, default_queue_folder, has_default_queue
 from printer_slicer.print_queue.printers import PrinterEntry, find_printers_file, read_printers
 from printer_slicer.print_queue.queue_rows import (
+    HAS_ENDED,
     LIST_REMEDY,
     SELECT_JOB,
     SELECT_RUN,
@@ -171,7 +172,7 @@ class PrintQueue:
             OutputError: it cannot be deleted.
         """
         name = self.find_file(file_id).name
-        needed = "SELECT id FROM job WHERE file = ? AND state IN ('held', 'ready', 'starting', 'printing')"
+        needed = f"SELECT id FROM job WHERE file = ? AND NOT {HAS_ENDED}"  # noqa: S608 - a constant
         with self._database.transaction() as connection:
             if row := connection.execute(needed, (file_id,)).fetchone():
                 raise UsageError(f"job {row['id']} needs {name}", remedy=f"Cancel job {row['id']} first")
@@ -251,7 +252,7 @@ class PrintQueue:
 
     def list_ended_jobs(self, most: int = 100) -> tuple[QueuedJob, ...]:
         """Return the jobs that have ended, the last added first."""
-        ended = "WHERE state IN ('done', 'failed', 'cancelled') ORDER BY id DESC LIMIT ?"
+        ended = f"WHERE {HAS_ENDED} ORDER BY id DESC LIMIT ?"
         return tuple(map(make_job, self._database.read(f"{SELECT_JOB} {ended}", most)))
 
     def list_runs(self, job: int) -> tuple[PrintRun, ...]:
@@ -401,10 +402,10 @@ class PrintQueue:
             UsageError: printers.toml is missing or invalid.
         """
         entries = self.list_printers()
-        waiting = "WHERE state NOT IN ('done', 'failed', 'cancelled') ORDER BY position, id"
+        not_ended = f"WHERE NOT {HAS_ENDED} ORDER BY position, id"
         with self._database.transaction(changes=False) as connection:
             revision = connection.execute("SELECT number FROM revision").fetchone()[0]
-            jobs = tuple(map(make_job, connection.execute(f"{SELECT_JOB} {waiting}")))
+            jobs = tuple(map(make_job, connection.execute(f"{SELECT_JOB} {not_ended}")))
             runs = tuple(
                 map(make_run, connection.execute(f"{SELECT_RUN} WHERE ended IS NULL ORDER BY started"))
             )

@@ -10,6 +10,7 @@ from printer_slicer.values import Struct
 
 __all__ = [
     "ACTIVE_STATES",
+    "ENDED_STATES",
     "MAX_NAME_LENGTH",
     "TRANSITIONS",
     "WAITING_STATES",
@@ -41,8 +42,9 @@ TRANSITIONS: Final[dict[JobState, frozenset[JobState]]] = {
 }
 """State of a job -> the states that may follow. Only a person leads from failed or cancelled back to ready."""
 
-WAITING_STATES: Final = frozenset({"held", "ready"})
-ACTIVE_STATES: Final = frozenset({"starting", "printing"})
+WAITING_STATES: Final[frozenset[JobState]] = frozenset({"held", "ready"})
+ACTIVE_STATES: Final[frozenset[JobState]] = frozenset({"starting", "printing"})
+ENDED_STATES: Final[frozenset[JobState]] = frozenset({"done", "failed", "cancelled"})
 
 MAX_NAME_LENGTH: Final = 200
 """Characters of the name of a file."""

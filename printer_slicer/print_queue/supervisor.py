@@ -124,7 +124,7 @@ class Supervisor:
     ) -> None:
         self._queue, self._launch, self._on_change = queue, launch, on_change
         self._processes: dict[str, PrintProcess] = {}
-        self._traits: dict[tuple[PrinterEntry, str], PrinterTraits | str] = {}
+        self._traits: dict[tuple[PrinterEntry, str], PrinterTraits] = {}
         self._job_store = default_job_store()
 
     def run(self, stop: Callable[[], bool]) -> None:
@@ -214,29 +214,29 @@ class Supervisor:
         entries = {entry.name: entry for entry in self._queue.list_printers()}
         waiting = [job for job in snapshot.jobs if job.state == "ready"]
         for state in snapshot.printers:
-            if find_obstacles(state) or not waiting:
+            entry = entries.get(state.name)  # None: was removed from printers.toml since the snapshot
+            if entry is None or find_obstacles(state) or not waiting:
                 continue
-            entry = entries[state.name]
             traits = self._find_traits(entry, state.material)
             job = next((one for one in waiting if self._fits(one, entry, traits)), None)
             if job is not None:
                 waiting.remove(job)
                 self._start(job, entry, state)
 
-    def _find_traits(self, entry: PrinterEntry, material: str) -> PrinterTraits | str:
-        """Return what a printer can print, or why that is unknown."""
+    def _find_traits(self, entry: PrinterEntry, material: str) -> PrinterTraits | None:
+        """Return what a printer can print; None if its profiles cannot be read now."""
         key = (entry, material)
         if key not in self._traits:
             try:
                 self._traits[key] = read_traits(entry, material)
-            except UsageError as error:
-                self._traits[key] = str(error.args[0])
+            except UsageError:  # `run` tells it, and so does `explain_job`
+                return None
         return self._traits[key]
 
-    def _fits(self, job: QueuedJob, entry: PrinterEntry, traits: PrinterTraits | str) -> bool:
+    def _fits(self, job: QueuedJob, entry: PrinterEntry, traits: PrinterTraits | None) -> bool:
         """Return whether a job can be printed on a printer."""
         return (
-            isinstance(traits, PrinterTraits)
+            traits is not None
             and is_wanted_printer(job, entry)
             and not find_mismatches(job, self._queue.read_facts(job.file), traits)
         )

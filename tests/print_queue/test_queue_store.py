@@ -7,14 +7,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 from time import time
+from typing import NoReturn
 
 import pytest
 from queue_world import FACTS, PRINTERS, World
 
 from printer_slicer.errors import OutputError, UsageError
-from printer_slicer.print_queue import queue_store
+from printer_slicer.print_queue import queue_store, supervisor
 from printer_slicer.print_queue.queue_store import MAX_COPIES, PrintQueue
-from printer_slicer.print_queue.records import JobRequest, clean_name
+from printer_slicer.print_queue.records import JobRequest, QueueSnapshot, clean_name
 from printer_slicer.print_queue.run_folder import try_to_claim
 from printer_slicer.print_queue.supervisor import Supervisor, is_supervised, lock_queue
 from tests.waiting import LAST_RESORT
@@ -354,3 +355,46 @@ def test_folders_of_old_runs_are_deleted_and_their_history_stays(
     Supervisor(queue).recover()
     assert {path.name for path in queue.find_run_folder("").iterdir()} == {"new", "running"}
     assert queue.list_run_ids() == {"old", "new", "running"}
+
+
+def test_a_printer_may_be_removed_between_two_looks(
+    queue: PrintQueue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (job,) = add(queue)
+    for printer in queue.snapshot().printers:
+        queue.set_bed(printer.name, "clear")
+    take_snapshot = queue.snapshot
+
+    def take_and_remove() -> QueueSnapshot:
+        snapshot = take_snapshot()
+        (tmp_path / "printers.toml").write_text('[other]\nport = "sim:"\nprofile = "marlin_220"\n')
+        return snapshot
+
+    monkeypatch.setattr(queue, "snapshot", take_and_remove)
+    Supervisor(queue).step()
+    assert queue.find_job(job).state == "ready"
+
+
+def test_a_job_starts_once_the_profile_of_its_printer_can_be_read(
+    queue: PrintQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (job,) = add(queue)
+    name = queue.snapshot().printers[0].name
+    queue.set_bed(name, "clear")
+    read, launched = supervisor.read_traits, list[Path]()
+
+    def fail(*_: object) -> NoReturn:
+        raise UsageError("the profile is being written", remedy="")
+
+    def launch(folder: Path) -> NoReturn:
+        launched.append(folder)
+        raise OSError
+
+    starter = Supervisor(queue, launch=launch)
+    monkeypatch.setattr(supervisor, "read_traits", fail)
+    starter.step()
+    assert not launched
+    monkeypatch.setattr(supervisor, "read_traits", read)
+    starter.step()
+    assert len(launched) == 1
+    assert queue.find_job(job).state == "starting"

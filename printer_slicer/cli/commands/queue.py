@@ -233,10 +233,12 @@ def _describe_file(queue: PrintQueue, job: QueuedJob) -> str:
 
 def _move(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     """Move a job within the queue."""
+    from printer_slicer.print_queue.records import WAITING_STATES
+
     job, where, *other = arguments.names
     number = _parse_job(job)
     if where == "first" and not other:
-        waiting = [one.id for one in queue.snapshot().jobs if one.state in {"held", "ready"}]
+        waiting = [one.id for one in queue.snapshot().jobs if one.state in WAITING_STATES]
         queue.move_job(number, before=waiting[0] if waiting else None)
     elif where == "last" and not other:
         queue.move_job(number)
@@ -287,11 +289,12 @@ def _cancel(queue: PrintQueue, job: int) -> None:
 def _explain(arguments: argparse.Namespace, queue: Any) -> int:
     """Explain why a job waits."""
     from printer_slicer.print_queue import explain_job
+    from printer_slicer.print_queue.records import WAITING_STATES
 
     number = _parse_job(arguments.names[0])
     found = queue.explain(number) if arguments.server else explain_job(queue, number)
     lines = [": ".join(filter(None, (found.summary, found.remedy)))]
-    if found.job.state in {"held", "ready"}:
+    if found.job.state in WAITING_STATES:
         reasons = [("; ".join(one.reasons) or "ready to print it", one.remedy) for one in found.printers]
         lines += [
             f"  {one.printer}: {': '.join(filter(None, said))}"
