@@ -74,6 +74,7 @@ MIGRATIONS: Final[tuple[str, ...]] = (
         added REAL NOT NULL
     ) STRICT
     """,
+    "ALTER TABLE run ADD COLUMN findings TEXT NOT NULL DEFAULT '[]'",
 )
 """The statements that lead from each version of the schema to the next; the version is `user_version`."""
 

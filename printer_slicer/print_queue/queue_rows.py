@@ -60,7 +60,9 @@ _MAX_NUMBER: Final = (1 << 63) - 1  # of SQLite
 SELECT_JOB: Final = "SELECT id, name, file, state, printer, material, allow, added, message, run FROM job"
 """Statement that reads jobs, before its conditions."""
 
-SELECT_RUN: Final = "SELECT id, job, printer, started, ended, outcome, message, is_cancelling FROM run"
+SELECT_RUN: Final = (
+    "SELECT id, job, printer, started, ended, outcome, message, is_cancelling, findings FROM run"
+)
 
 """Statement that reads runs, before its conditions."""
 
@@ -75,7 +77,8 @@ def make_job(row: sqlite3.Row) -> QueuedJob:
 def make_run(row: sqlite3.Row) -> PrintRun:
     """Make a run from its row."""
     values: dict[str, Any] = dict(row)
-    return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"])})
+    findings = tuple(json.loads(values["findings"]))
+    return PrintRun(**values | {"is_cancelling": bool(values["is_cancelling"]), "findings": findings})
 
 
 def find_jobs_of_request(connection: sqlite3.Connection, request_id: str, content: str) -> list[int]:

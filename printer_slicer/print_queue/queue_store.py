@@ -484,8 +484,15 @@ class PrintQueue:
             if row and read_state(connection, row["job"]) == "starting":
                 change_state(connection, row["job"], "printing")
 
-    def end_run(self, run: str, outcome: RunOutcome, message: str) -> None:
-        """Record how a run has ended; no change if that is known. The bed stays occupied."""
+    def end_run(self, run: str, outcome: RunOutcome, message: str, findings: tuple[str, ...] = ()) -> None:
+        """Record how a run has ended; no change if that is known. The bed stays occupied.
+
+        Args:
+            run: id of the run.
+            outcome: how it ended.
+            message: why it ended so.
+            findings: names of the findings that prevented the print.
+        """
         with self._database.transaction() as connection:
             row = connection.execute("SELECT * FROM run WHERE id = ? AND ended IS NULL", (run,)).fetchone()
             if row is None:
@@ -493,8 +500,8 @@ class PrintQueue:
             state = _OUTCOME_STATES[outcome]
             if state == "ready" and row["is_cancelling"]:
                 state = "cancelled"
-            ended = "UPDATE run SET ended = ?, outcome = ?, message = ? WHERE id = ?"
-            connection.execute(ended, (time(), outcome, message, run))
+            ended = "UPDATE run SET ended = ?, outcome = ?, message = ?, findings = ? WHERE id = ?"
+            connection.execute(ended, (time(), outcome, message, json.dumps(findings), run))
             change_state(connection, row["job"], state, message)
             said = f"job {row['job']}: {message}" if message else ""
             connection.execute("UPDATE printer SET message = ? WHERE name = ?", (said, row["printer"]))

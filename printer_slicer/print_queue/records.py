@@ -149,6 +149,7 @@ class PrintRun(Struct, frozen=True):
         outcome: how it ended; empty while it runs.
         message: why it ended so.
         is_cancelling: whether a person asked for its end.
+        findings: names of the findings that prevented the print; a job that allows them is printed.
     """
 
     id: str
@@ -159,6 +160,7 @@ class PrintRun(Struct, frozen=True):
     outcome: RunOutcome | Literal[""]
     message: str
     is_cancelling: bool
+    findings: tuple[str, ...] = ()
 
 
 class QueueSnapshot(Struct, frozen=True):

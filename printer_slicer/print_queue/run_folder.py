@@ -70,10 +70,17 @@ class RunInstructions(Struct, frozen=True):
 
 
 class RunResult(Struct, frozen=True):
-    """How a run ended, and why."""
+    """How a run ended.
+
+    Attributes:
+        outcome: how it ended.
+        message: why it ended so.
+        findings: names of the findings that prevented the print.
+    """
 
     outcome: RunOutcome
     message: str = ""
+    findings: tuple[str, ...] = ()
 
 
 class RunReport(NamedTuple):
@@ -160,6 +167,16 @@ def write_result(folder: Path, result: RunResult) -> None:
     save(folder / _RESULT_FILE, json.dumps(as_dict(result)).encode())
 
 
+def _parse_result(content: bytes) -> RunResult:
+    """Return how a run ended from the content of its file.
+
+    Raises:
+        ValueError, TypeError: the content is damaged.
+    """
+    values: dict[str, Any] = json.loads(content)
+    return RunResult(**values | {"findings": tuple(values.get("findings", ()))})
+
+
 def read_report(folder: Path) -> RunReport:
     """Return what the folder says about the run at this moment."""
     if _is_locked(folder):
@@ -180,7 +197,7 @@ def _is_locked(folder: Path) -> bool:
 def _read_result(folder: Path) -> RunResult | None:
     """Read how a run ended; None if it has written no valid result."""
     with suppress(OSError, ValueError, TypeError):
-        result = RunResult(**json.loads((folder / _RESULT_FILE).read_bytes()))
+        result = _parse_result((folder / _RESULT_FILE).read_bytes())
         if result.outcome in get_args(RunOutcome):
             return result
     return None

@@ -16,7 +16,7 @@ from threading import Event as Flag
 from threading import Thread
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from printer_slicer.errors import Cancelled, PortError, PrintError, PrinterSlicerError
+from printer_slicer.errors import Cancelled, PolicyError, PortError, PrintError, PrinterSlicerError
 from printer_slicer.print_queue.printers import PrinterEntry
 from printer_slicer.print_queue.run_folder import (
     READY_FILE,
@@ -237,7 +237,8 @@ def _describe_error(error: Exception) -> RunResult:
         return RunResult("not_started", message)
     if isinstance(error, PrintError) or not isinstance(error, PrinterSlicerError):
         return RunResult("failed", message)
-    return RunResult("rejected", f"{message}; nothing was sent")
+    findings = error.names if isinstance(error, PolicyError) else ()
+    return RunResult("rejected", f"{message}; nothing was sent", findings)
 
 
 if __name__ == "__main__":

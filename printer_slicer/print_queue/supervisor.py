@@ -181,9 +181,10 @@ class Supervisor:
         report = self._settle(run, folder)
         if report.result is not None:
             self._processes.pop(run.id, None)
-            self._queue.end_run(run.id, report.result.outcome, report.result.message)
-            said = report.result.outcome.replace("_", " ")
-            message = f": {report.result.message}" if report.result.message else ""
+            result = report.result
+            self._queue.end_run(run.id, result.outcome, result.message, result.findings)
+            said = result.outcome.replace("_", " ")
+            message = f": {result.message}" if result.message else ""
             self._on_change(f"{run.printer}: job {run.job} {said}{message}")
             return
         if report.state == "printing":

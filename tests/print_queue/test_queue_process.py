@@ -165,8 +165,15 @@ def test_findings_that_are_not_allowed_reject_a_job_before_anything_is_sent(farm
     farm.supervise()
     farm.wait_for(job, "failed")
 
-    assert farm.queue.list_runs(job)[0].outcome == "rejected"
+    (run,) = farm.queue.list_runs(job)
+    assert run.outcome == "rejected"
+    assert run.findings == ("cold",)
     assert farm.queue.find_job(job).message.endswith("; nothing was sent")
+
+    request = JobRequest(printer="left", allow=run.findings)
+    (again,) = farm.queue.add_jobs(farm.queue.find_job(job).file, request)
+    farm.queue.set_bed("left", "clear")
+    farm.wait_for(again.id, "printing", "done")
 
 
 def test_two_supervisors_at_once_refuse(farm: Farm) -> None:

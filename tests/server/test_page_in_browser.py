@@ -590,6 +590,40 @@ def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: st
     page.locator("li.card", has_text=name).get_by_text("cancelled").first.wait_for()
 
 
+@pytest.mark.parametrize("page", [SIZES[0]], indirect=True)
+def test_a_rejected_job_can_be_printed_anyway(page: Page) -> None:
+    name = "cold.gcode"
+    open_section(page, "Files")
+    page.evaluate(DROP, [make_gcode("cold").replace("M109 S200\n", ""), name])
+    row = page.locator("li.card", has_text=name).first
+    row.locator("summary").click()
+    row.get_by_label("Printer").select_option("narrow")
+    row.get_by_role("button", name="Print").click()
+    open_section(page, "Printers")
+    card = page.locator("li.card", has=page.get_by_role("heading", name="narrow"))
+    card.get_by_role("button", name="Bed is clear").click()
+    open_section(page, "History")
+    ended = page.locator("li.card", has_text=name).first
+    ended.get_by_text("nothing was sent").wait_for()
+    assert (
+        not ended.get_by_role("button", name="again", exact=False).filter(has_text="Print again").is_visible()
+    )
+    ended.get_by_role("button", name="Print anyway").click()
+    check_page(page)
+    ended.get_by_role("button", name="Press again to print anyway").click()
+    open_section(page, "Queue")
+    waiting = page.locator("li.card", has_text=name)
+    waiting.get_by_text("ready", exact=True).wait_for()
+    open_section(page, "Printers")
+    card.get_by_role("button", name="Bed is clear").click()
+    card.get_by_text(name).first.wait_for()
+    card.get_by_text("printing", exact=True).wait_for()
+    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
+    cancel.click()
+    cancel.filter(has_text="Press again").click()
+    card.get_by_text("Not printing").wait_for()
+
+
 def test_keys_alone_reach_everything_in_reading_order(page: Page) -> None:
     seen = list[list[Any]]()
     page.evaluate("document.activeElement.blur()")

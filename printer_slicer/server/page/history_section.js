@@ -1,7 +1,7 @@
 /**
  * Jobs that have ended.
  */
-import { makeButton } from "./buttons.js";
+import { makeButton, makeConfirmedButton } from "./buttons.js";
 import { make, makeList, setShown, setText } from "./elements.js";
 import { formatDuration, formatTime } from "./formats.js";
 import { tell } from "./messages.js";
@@ -36,21 +36,27 @@ function makeEndedRow([job]) {
   const state = make("span", { class: "badge" });
   const message = make("p", {});
   const figures = make("p", { class: "hint" });
-  const printAgain = async () => {
-    const [added] = await request("POST", "/v1/jobs", { file: job.file, name: job.name, printer: job.printer, material: job.material });
-    tell(`${job.name} is in the queue as job ${added.id}`);
+  let findings = /** @type {string[]} */ ([]);
+  const print = async (allow) => {
+    const { file, name, printer, material } = job;
+    const [added] = await request("POST", "/v1/jobs", { file, name, printer, material, allow });
+    tell(`${name} is in the queue as job ${added.id}`);
   };
-  const again = makeButton("Print again", printAgain, { "aria-label": `Print ${job.name} again` });
+  const again = makeButton("Print again", () => print(job.allow), { "aria-label": `Print ${job.name} again` });
+  const anyway = makeConfirmedButton("Print anyway", "Press again to print anyway", () => print([...job.allow, ...findings]));
   const head = make("div", { class: "row" }, make("h3", { class: "grow" }, `${job.id} · ${job.name}`), state);
   return {
-    element: make("li", { class: "card" }, head, message, make("div", { class: "row" }, make("div", { class: "grow" }, figures), again)),
+    element: make("li", { class: "card" }, head, message, make("div", { class: "row" }, make("div", { class: "grow" }, figures), again, anyway)),
     show([now, run]) {
       setText(state, now.state);
       state.dataset.state = now.state;
       setShown(message, Boolean(now.message));
       setText(message, now.message);
       setText(figures, describeRun(run));
-      setShown(again, allows("print", now.printer));
+      findings = run?.findings ?? [];
+      const mayPrint = allows("print", now.printer);
+      setShown(again, mayPrint && findings.length === 0);
+      setShown(anyway, mayPrint && findings.length > 0);
     },
   };
 }
