@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.support_beads import read_supports
-from benchmarks.support_figures import find_carriers, list_layers
+from benchmarks.support_carriers import find_carriers, list_layers
 from benchmarks.support_parts import support_parts
 from benchmarks.support_solid import Solid
 from printer_slicer.profile import load_profile

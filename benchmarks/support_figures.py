@@ -13,16 +13,16 @@ import numpy as np
 from scipy import ndimage, sparse
 
 from benchmarks.support_beads import SupportFile, draw_beads, support_seconds
+from benchmarks.support_carriers import TOUCHES, Carriers, SupportLayer, list_layers
 from benchmarks.support_solid import Island, Overhang, Solid
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.inspection.coverage.extrusions import Extrusions
 from printer_slicer.inspection.deposition.marks import Purpose
 
-__all__ = ["Figures", "Flat", "Place", "SupportLayer", "find_carriers", "list_layers", "measure_supports"]
+__all__ = ["Figures", "Flat", "Place", "measure_supports"]
 
 _SIDEWAYS, _BELOW = 1.5, 0.85  # mm; an overhang with a support as near as this is held
-_TOUCHES: Final = 0.05  # mm between a support and the one below it
-_LANDS: Final = 0.45  # mm between a support and the part below it
+_LEAST_CARRIED: Final = 0.5  # share of the width of an extrusion that must lie over something
 _LONGEST_FREE: Final = 2.0  # mm of an extrusion with less than half its width over something
 _LONGEST_TURN: Final = 2.5  # mm of an extrusion between two places that carry it, such as two rows
 _LONGEST_SPAN: Final = 6.0  # mm, if it is straight
@@ -121,22 +121,6 @@ class Figures:
     slimness: float
 
 
-@dataclass(frozen=True, eq=False)
-class SupportLayer:
-    """Support extrusions of one top and one bottom.
-
-    Attributes:
-        bottom, top: mm.
-        members: indices of the extrusions.
-        drawn: cells under them.
-    """
-
-    bottom: float
-    top: float
-    members: Int
-    drawn: Bool
-
-
 @dataclass(eq=False)
 class _Sums:
     """What is added up over the layers."""
@@ -195,17 +179,6 @@ def measure_supports(
     )
 
 
-def list_layers(beads: Extrusions, solid: Solid) -> list[SupportLayer]:
-    """Return the layers of supports, from below."""
-    bottom, top = np.round(beads.z_top - beads.height, 3), np.round(beads.z_top, 3)
-    keys, which = np.unique(np.column_stack([top, bottom]), axis=0, return_inverse=True)
-    members = [np.flatnonzero(which.ravel() == number) for number in range(len(keys))]
-    return [
-        SupportLayer(float(low), float(high), some, draw_beads(beads.take(some), solid.grid))
-        for (high, low), some in zip(keys, members, strict=True)
-    ]
-
-
 def _place(solid: Solid, cells: Int, z: float, amount: float) -> Place:
     """Return the middle of cells as a place."""
     x, y = solid.grid.middles(cells).mean(axis=0) - _middle(solid)
@@ -224,24 +197,16 @@ def _walk_layers(file: SupportFile, layers: Sequence[SupportLayer], solid: Solid
     sums = _Sums()
     outlines = list(_outlines(file.part, solid))
     for layer in layers:
-        below, part = find_carriers(layers, layer.bottom, solid)
-        if layer.bottom > _TOUCHES:
-            sums.standing += float(np.count_nonzero(layer.drawn & part & ~below)) * solid.grid.cell**2
-            _add_floats(sums, file, layer, below | part, solid)
+        if layer.bottom > TOUCHES:
+            below = Carriers.below(layer.bottom, layers, file, solid)
+            lands = layer.drawn & below.part & ~below.supports
+            sums.standing += float(np.count_nonzero(lands)) * solid.grid.cell**2
+            _add_floats(sums, file, layer, below)
         _add_inside(sums, layer, solid, outlines)
     return sums
 
 
-def find_carriers(layers: Sequence[SupportLayer], z: float, solid: Solid) -> tuple[Bool, Bool]:
-    """Return the cells under supports that end at a height, and those under which the part is."""
-    below = np.zeros(solid.grid.shape, np.bool_)
-    for other in layers:
-        if abs(other.top - z) <= _TOUCHES:
-            below |= other.drawn
-    return below, solid.within(z - _LANDS, z + 0.02)
-
-
-def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, carries: Bool, solid: Solid) -> None:
+def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, below: Carriers) -> None:
     """Add the extrusions of a layer that nothing carries."""
     beads = file.support.take(layer.members)
     count = np.maximum(np.ceil(beads.length / _SAMPLE), 1).astype(np.int64)
@@ -250,13 +215,10 @@ def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, carries: Bo
     way = (beads.end - beads.begin)[bead]
     at = beads.begin[bead] + way * ((step + 0.5) / count[bead])[:, None]
     side = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(np.hypot(*way.T), 1e-12)[:, None]
-    flat = carries.ravel()
-    share = np.zeros(len(at))
-    for across in (-0.4, -0.2, 0.0, 0.2, 0.4):
-        share += flat[solid.grid.index(at + across * beads.width[bead][:, None] * side)] / 5
     length = (beads.length / count)[bead]
     path = file.path[layer.members][bead]
-    free = share < 0.5
+    across = side * beads.width[bead][:, None]
+    free = below.measure_share(at, across) < _LEAST_CARRIED
     found: dict[str, list[Float]] = {"air": [], "sags": []}
     for ends in _groups_of(path):
         for run in _free_runs(at[ends], free[ends]):
@@ -267,10 +229,10 @@ def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, carries: Bo
             elif kind:
                 found[kind].append(np.column_stack([at[own], length[own]]))
     if found["air"]:
-        sums.floats += _clusters(np.concatenate(found["air"]), layer, solid)
+        sums.floats += _clusters(np.concatenate(found["air"]), layer, below.solid)
         sums.floating += float(np.concatenate(found["air"])[:, 2].sum())
     if found["sags"]:
-        sums.sags += _clusters(np.concatenate(found["sags"]), layer, solid)
+        sums.sags += _clusters(np.concatenate(found["sags"]), layer, below.solid)
         sums.sagging += float(np.concatenate(found["sags"])[:, 2].sum())
 
 
@@ -509,7 +471,7 @@ def _links(layers: Sequence[SupportLayer], labels: Sequence[Int]) -> Int:
     found = [np.zeros((0, 2), np.int64)]
     tops = np.array([one.top for one in layers])
     for layer, label in zip(layers, labels, strict=True):
-        for below in np.flatnonzero(np.abs(tops - layer.bottom) <= _TOUCHES).tolist():
+        for below in np.flatnonzero(np.abs(tops - layer.bottom) <= TOUCHES).tolist():
             both = (label >= 0) & (labels[below] >= 0)
             found.append(np.unique(np.column_stack([label[both], labels[below][both]]), axis=0))
     return np.concatenate(found)

@@ -233,6 +233,24 @@ def test_a_free_end_may_be_2_mm_long(beyond: float, floats: int) -> None:
     assert len(measured(text).floats) == floats
 
 
+@pytest.mark.parametrize("shift", np.arange(0.0, 0.1, 0.02).tolist())
+@pytest.mark.parametrize(("aside", "floats"), [(0.2, 0), (0.25, 1)])
+def test_half_of_the_width_must_lie_over_something(aside: float, floats: int, shift: float) -> None:
+    """The places of cells do not matter: 0.25 or 0.20 of 0.45 mm lie over the extrusion below."""
+    text = Text()
+    for top, y in ((0.2, 5.0), (0.4, 5.0), (0.6, 5.0 + aside)):
+        text.layer(top, "Support material").path((8.0, y + shift), (14.0, y + shift))
+
+    assert len(measured(text).floats) == floats
+
+
+def test_supports_stand_on_extrusions_of_the_part_that_are_higher_than_the_model() -> None:
+    text = Text().layer(3.2, "External perimeter").path((8.0, 5.0), (14.0, 5.0))
+    text.layer(3.8, "Support material").path((8.0, 5.0), (14.0, 5.0)).path((8.0, 8.0), (14.0, 8.0))
+
+    assert [place.y for place in measured(text).floats] == [pytest.approx(8.0 - 6.0, abs=0.1)]
+
+
 @pytest.mark.parametrize(("away", "sags"), [(4.0, 0), (9.0, 1)])
 def test_lines_may_span_from_row_to_row(away: float, sags: int) -> None:
     text = Text()
