@@ -25,7 +25,9 @@ _SHIFT: Final = np.array([0.00137, 0.00211])  # mm; middles of cells lie on no e
 _BLOCK: Final = 1 << 22  # candidate cells at a time
 _SAME_SHEET: Final = 0.25  # mm; surfaces of neighbouring cells that differ by less are one surface
 _FIRST: Final = 0.2  # mm; what hangs lower is in the first layer, on the bed
-_FLAT_DEG: Final = 5.0  # surfaces as flat as this may be bridges
+_FLAT_DEG: Final = 5.0  # surfaces flatter than this are level
+_LAYER: Final = 0.2  # mm, height of a bridge
+_FILLET: Final = 10  # cells, width of a fillet between a ceiling and a wall
 _STEP: Final = 0.1  # mm between the sections in which islands are sought
 _ON_BED: Final = 0.25  # mm; pieces that begin lower are printed on the bed
 _DIRECTIONS: Final = 36  # of bridges
@@ -122,6 +124,17 @@ class Solid:
         """Return the cells that are solid anywhere between two heights."""
         return self.grid.mask(self.cell[(self.low < high) & (self.high > low)])
 
+    def fills(self, cell: Int, low: Float, high: Float) -> Bool:
+        """Return which cells (n,) are solid anywhere between two heights (n,), mm."""
+        first = np.searchsorted(self.cell, cell)
+        count = np.searchsorted(self.cell, cell, side="right") - first
+        found = np.zeros(len(cell), np.bool_)
+        for k in range(int(count.max(initial=0))):
+            here = np.flatnonzero(count > k)
+            at = first[here] + k
+            found[here] |= (self.low[at] < high[here]) & (self.high[at] > low[here])
+        return found
+
     @cached_property
     def top(self) -> float:
         """Height of the part, mm."""
@@ -201,10 +214,10 @@ def find_overhang(
     Args:
         solid: the part.
         threshold_deg: surfaces flatter than this hang.
-        max_bridge: mm; level areas that lines of at most this length cross, in the direction that holds most of the
+        max_bridge: mm; areas that level lines of at most this length cross, in the direction that holds most of the
             area, do not count. Both ends of a line lie on the part.
-        least_area: mm²; smaller patches do not count.
-        least_reach: mm; patches into which no circle of this radius fits do not count.
+        least_area: mm²; smaller patches do not count, nor do smaller rests beside bridges.
+        least_reach: mm; patches and rests into which no circle of this radius fits do not count.
     """
     hanging = (solid.low > _FIRST) & (solid.slope < threshold_deg - 0.01)
     cell, z, slope = solid.cell[hanging], solid.low[hanging], solid.slope[hanging]
@@ -212,14 +225,29 @@ def find_overhang(
     held = np.zeros(len(cell), np.bool_)
     dropped = np.zeros(len(cell), np.bool_)
     for members in _groups(patch):
-        if len(members) * _CELL**2 < least_area or _reach(solid.grid, cell[members]) < least_reach:
+        if _is_small(solid.grid, cell[members], least_area, least_reach):
             dropped[members] = True
             continue
-        for level in _levels(members[slope[members] < _FLAT_DEG], z):
-            held[level] = _bridged(solid, cell[level], float(z[level].min()), max_bridge)
+        surface = np.full(solid.grid.n_cells, np.inf)
+        surface[cell[members]] = z[members]
+        flat = slope[members] < _FLAT_DEG
+        for level in _levels(members[flat], z):
+            top = float(z[level].max())
+            some = np.union1d(level, members[(z[members] > top - _LAYER) & (z[members] <= top)])
+            held[some] |= _bridged(solid, surface, (cell[some], z[some]), max_bridge, is_slope=False)
+        some = members[~flat]
+        held[some] |= _bridged(solid, surface, (cell[some], z[some]), max_bridge, is_slope=True)
+        rest = members[~held[members]]
+        for piece in _groups(_sheets(solid.grid, cell[rest], z[rest])) if len(rest) < len(members) else []:
+            dropped[rest[piece]] = _is_small(solid.grid, cell[rest[piece]], least_area, least_reach)
     kept = ~held & ~dropped
     areas = [float(np.count_nonzero(one)) * _CELL**2 for one in (held, dropped)]
     return Overhang(cell[kept], z[kept], patch[kept], slope[kept] < 1.0, *areas)
+
+
+def _is_small(grid: Grid, cell: Int, least_area: float, least_reach: float) -> bool:
+    """Return whether cells cover less than an area, mm², or hold no circle of a radius, mm."""
+    return len(cell) * _CELL**2 < least_area or _reach(grid, cell) < least_reach
 
 
 def _sheets(grid: Grid, cell: Int, z: Float) -> Int:
@@ -264,20 +292,34 @@ def _levels(members: Int, z: Float) -> list[Int]:
     return [one for one in np.split(order, cuts) if len(one)]
 
 
-def _bridged(solid: Solid, cell: Int, z: float, longest: float) -> Bool:
-    """Return which cells (n,) of a level area lie on lines that end on the part at both sides."""
-    hangs, carries = solid.grid.mask(cell), solid.within(z - 2 * _STEP, z + 0.02)
-    some = cell[:: max(len(cell) // _SAMPLES, 1)]
-    angles = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    count = [int(_lines_held(solid.grid, some, hangs, carries, (one, longest)).sum()) for one in angles]
-    best = float(angles[int(np.argmax(count))])
-    return _lines_held(solid.grid, cell, hangs, carries, (best, longest))
+def _bridged(
+    solid: Solid, surface: Float, some: tuple[Int, Float], longest: float, *, is_slope: bool
+) -> Bool:
+    """Return which of some cells lie on level lines that end on the part at both sides.
+
+    All lines have the direction that holds most of the cells.
+
+    Args:
+        solid: the part.
+        surface: (cells,) height of the patch, mm; infinite beside it.
+        some: cells (n,) of the patch, and their heights, mm.
+        longest: length of lines, mm.
+        is_slope: whether lines must follow the patch up to its fillets at both ends. Those of level areas and crowns,
+            which one layer closes, may end anywhere where the patch is lower.
+    """
+    step = max(len(some[0]) // _SAMPLES, 1)
+    sample = some[0][::step], some[1][::step]
+    angles = (np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS).tolist()
+    count = [int(_lines_held(solid, surface, sample, (one, longest), is_slope).sum()) for one in angles]
+    return _lines_held(solid, surface, some, (angles[int(np.argmax(count))], longest), is_slope)
 
 
-def _lines_held(grid: Grid, cell: Int, hangs: Bool, carries: Bool, line: tuple[float, float]) -> Bool:
-    """Return for which cells (n,) the line in a direction, of at most a length, ends on the part at both sides."""
-    angle, longest = line
-    i, j = np.divmod(cell, grid.shape[1])
+def _lines_held(
+    solid: Solid, surface: Float, some: tuple[Int, Float], line: tuple[float, float], is_slope: bool
+) -> Bool:
+    """Return for which cells (n,) a level line in a direction, up to a length, ends on the part at both sides."""
+    (cell, z), (angle, longest) = some, line
+    i, j = np.divmod(cell, solid.grid.shape[1])
     length, rests = np.zeros(len(cell)), np.ones(len(cell), np.bool_)
     for way in (-1.0, 1.0):
         going = np.ones(len(cell), np.bool_)
@@ -285,15 +327,24 @@ def _lines_held(grid: Grid, cell: Int, hangs: Bool, carries: Bool, line: tuple[f
             at = np.flatnonzero(going)
             if not len(at):
                 break
-            y = np.rint(i[at] + way * step * np.sin(angle)).astype(np.int64)
-            x = np.rint(j[at] + way * step * np.cos(angle)).astype(np.int64)
-            leaves = ~hangs[y, x]
+            to = _step_along(solid.grid, (i[at], j[at]), way * step, angle)
+            leaves = np.abs(surface[to] - z[at]) > (_LAYER / 2 if is_slope else _LAYER)
             length[at] += _CELL
-            ends = at[leaves]
-            rests[ends] &= carries[y[leaves], x[leaves]]
+            ends, to = at[leaves], to[leaves]
+            rests[ends] &= solid.fills(to, z[ends] - _LAYER, z[ends] + 0.02)
+            if is_slope:
+                beyond = _step_along(solid.grid, (i[ends], j[ends]), way * (step + _FILLET), angle)
+                rests[ends] &= np.isinf(surface[to]) | np.isinf(surface[beyond])
             going[ends] = False
         rests &= ~going
     return rests & (length - _CELL <= longest)
+
+
+def _step_along(grid: Grid, start: tuple[Int, Int], steps: float, angle: float) -> Int:
+    """Return the cells (n,) that are some steps in a direction away from cells in rows and columns (n,)."""
+    y = np.rint(start[0] + steps * np.sin(angle)).astype(np.int64)
+    x = np.rint(start[1] + steps * np.cos(angle)).astype(np.int64)
+    return np.asarray(y * grid.shape[1] + x)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from printer_slicer.mesh_io import export_stl
 from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import OptimalPlanner, UniformPlanner, load_profile
-from tests.parts import box, joined
+from tests.parts import box, joined, prism
 from tests.supports.shapes import hook, mushroom, sphere_on_bed, tee
 
 DIAMETER, DENSITY = 1.75, 1.24
@@ -117,6 +117,37 @@ def test_bridges_between_two_ends_do_not_count_up_to_their_longest_span() -> Non
     assert find_overhang(solid, 40, 10).bridged == pytest.approx(9 * 16, rel=0.02)
     assert find_overhang(solid, 40, 8).area == pytest.approx(9 * 16, rel=0.02)
     assert find_overhang(Solid.of(tee(arm=9.0)), 40, 10).area == pytest.approx(180, rel=0.02)
+
+
+def roof(span: float, lean: float) -> Mesh:
+    """A slab, 10 mm deep, between two walls `span` apart; its lower side rises by `lean` along y."""
+    side = np.array([(0.0, 10.0), (10.0, 10.0 + lean), (10.0, 20.0), (0.0, 20.0)])  # y and z
+    slab = Mesh(prism(side, span).triangles[:, :, [2, 0, 1]], "slab")
+    walls = [box((4.0, 10.0, 20.0), (x, 0.0, 0.0)) for x in (-4.0, span)]
+    return joined([slab, *walls], "roof")
+
+
+def tunnel(diameter: float) -> Mesh:
+    """A wall, 6 mm thick, with a horizontal round hole through it, open at the bed."""
+    turn = np.linspace(0.0, np.pi, 61)
+    round_side = np.column_stack([-np.cos(turn), np.sin(turn)]) * diameter / 2
+    outer = np.array([(20.0, 0.0), (20.0, 20.0), (-20.0, 20.0), (-20.0, 0.0)])
+    return Mesh(prism(np.concatenate([round_side, outer])[::-1], 6.0).triangles[:, :, [0, 2, 1]], "tunnel")
+
+
+@pytest.mark.parametrize(("diameter", "area"), [(3.0, 0), (4.0, 0), (6.0, 0), (16.0, 40)])
+def test_crowns_of_small_holes_are_bridged(diameter: float, area: float) -> None:
+    found = find_overhang(Solid.of(tunnel(diameter)), 40, 10)
+
+    assert found.area == pytest.approx(area, abs=12 if area else 0)
+
+
+@pytest.mark.parametrize(("span", "is_held"), [(6.0, True), (12.0, False)])
+def test_ceilings_that_slope_between_two_walls_are_bridged(span: float, is_held: bool) -> None:
+    found = find_overhang(Solid.of(roof(span, 3.0)), 40, 10)
+
+    assert found.area == pytest.approx(0 if is_held else span * 10, abs=3)
+    assert find_overhang(Solid.of(roof(span, 0.0)), 40, 10).area == pytest.approx(found.area, abs=3)
 
 
 @pytest.mark.parametrize(("width", "area"), [(0.9, 0), (1.3, 26)])
