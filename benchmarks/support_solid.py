@@ -26,6 +26,9 @@ _BLOCK: Final = 1 << 22  # candidate cells at a time
 _SAME_SHEET: Final = 0.25  # mm; surfaces of neighbouring cells that differ by less are one surface
 _FIRST: Final = 0.2  # mm; what hangs lower is in the first layer, on the bed
 _FLAT_DEG: Final = 5.0  # surfaces flatter than this are level
+_STRIP_DEG: Final = (
+    24.0  # on steeper slopes, strips of 0.2 mm layers are narrower than an extrusion, which is no bridge
+)
 _LAYER: Final = 0.2  # mm, height of a bridge
 _FILLET: Final = 10  # cells, width of a fillet between a ceiling and a wall
 _STEP: Final = 0.1  # mm between the sections in which islands are sought
@@ -235,7 +238,7 @@ def find_overhang(
             top = float(z[level].max())
             some = np.union1d(level, members[(z[members] > top - _LAYER) & (z[members] <= top)])
             held[some] |= _bridged(solid, surface, (cell[some], z[some]), max_bridge, is_slope=False)
-        some = members[~flat]
+        some = members[~flat & (slope[members] < _STRIP_DEG)]
         held[some] |= _bridged(solid, surface, (cell[some], z[some]), max_bridge, is_slope=True)
         rest = members[~held[members]]
         for piece in _groups(_sheets(solid.grid, cell[rest], z[rest])) if len(rest) < len(members) else []:
