@@ -97,33 +97,49 @@ def sample_beads(
     Cells are `cell` mm wide, and samples at most `step` mm apart.
     """
     begin, end = paths.ends_of_beads
-    path = paths.path_of_bead
-    grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
-    first = (paths.xy[begin] - (grid.x, grid.y)) / grid.cell
-    way = (paths.xy[end] - paths.xy[begin]) / grid.cell
-    length = np.hypot(*way.T)
-    count = np.maximum(np.ceil(length * (cell / step)), 1.0).astype(np.int64)
+    n_beads, which, path = len(begin), slice(None), paths.path_of_bead
     if of_layers is not None:
-        count[~of_layers[paths.layer[path]]] = 0
-    across = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    across *= paths.width[begin][:, None] / grid.cell
-    bead = np.repeat(np.arange(len(begin)), count)
-    parts = np.maximum(count, 1)
-    each = (way / parts[:, None]).astype(np.float32)
-    place = (first + way / (2 * parts)[:, None]).astype(np.float32)
-    number = consecutive(np.zeros(len(count), np.int64), count).astype(np.float32)
-    x, y = (place[bead, axis] + number * each[bead, axis] for axis in range(2))
-    of_path = path[bead]
+        which = np.flatnonzero(of_layers[paths.layer].take(path))
+        begin, end, path = begin.take(which), end.take(which), path.take(which)
+    grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
+    corner = paths.xy.take(begin, axis=0)
+    way = (paths.xy.take(end, axis=0) - corner) / grid.cell
+    length = np.hypot(*way.T)
+    count = np.maximum(np.ceil(length * (cell / step)), 1.0)
+    across = np.zeros((n_beads, 2), np.float32)
+    across[which] = (
+        np.column_stack([-way[:, 1], way[:, 0]])
+        * (paths.width.take(begin) / grid.cell / np.maximum(length, 1e-9))[:, None]
+    )
+    x, y, own = _place_samples((corner - (grid.x, grid.y)) / grid.cell, way, count)
+    of_path = path.take(own)
     return BeadSamples(
         grid,
         x,
         y,
-        across.astype(np.float32),
-        bead,
+        across,
+        np.arange(n_beads)[which].take(own),
         of_path,
-        (length * (grid.cell / parts))[bead],
-        np.searchsorted(paths.layer[of_path], np.arange(paths.plan.n_layers + 1)),
+        (length * (grid.cell / count)).take(own),
+        np.searchsorted(paths.layer.take(of_path), np.arange(paths.plan.n_layers + 1)),
     )
+
+
+def _place_samples(first: Float, way: Float, count: Float) -> tuple[Float32, Float32, Int]:
+    """Return x and y (n,) of samples, in cells, and the bead (n,) of each.
+
+    Args:
+        first: (B, 2) begin of each bead, in cells.
+        way: (B, 2) from its begin to its end, in cells.
+        count: (B,) samples of each.
+    """
+    times = count.astype(np.int64)
+    own = np.repeat(np.arange(len(times)), times)
+    each = (way / count[:, None]).astype(np.float32)
+    place = (first + way / (2 * count)[:, None]).astype(np.float32)
+    number = consecutive(np.zeros(len(times), np.int64), times).astype(np.float32)
+    x, y = (place[:, axis].take(own) + number * each[:, axis].take(own) for axis in range(2))
+    return x, y, own
 
 
 def find_repeated_layers(paths: Toolpaths) -> Bool:
