@@ -97,9 +97,9 @@ def sample_beads(
     Cells are `cell` mm wide, and samples at most `step` mm apart.
     """
     begin, end = paths.ends_of_beads
-    n_beads, which, path = len(begin), slice(None), paths.path_of_bead
+    n_beads, path = len(begin), paths.path_of_bead
+    which = np.arange(n_beads) if of_layers is None else np.flatnonzero(of_layers[paths.layer].take(path))
     if of_layers is not None:
-        which = np.flatnonzero(of_layers[paths.layer].take(path))
         begin, end, path = begin.take(which), end.take(which), path.take(which)
     grid = CellGrid.around(paths.xy.min(axis=0) - _BEYOND, paths.xy.max(axis=0) + _BEYOND, cell)
     corner = paths.xy.take(begin, axis=0)
@@ -118,7 +118,7 @@ def sample_beads(
         x,
         y,
         across,
-        np.arange(n_beads)[which].take(own),
+        which.take(own),
         of_path,
         (length * (grid.cell / count)).take(own),
         np.searchsorted(paths.layer.take(of_path), np.arange(paths.plan.n_layers + 1)),
