@@ -19,6 +19,7 @@ PyObject* find_cycles(PyObject*, PyObject* following);              // plane_sec
 PyObject* find_spikes(PyObject*, PyObject* arguments);              // spikes.cpp
 PyObject* find_unsupported_pieces(PyObject*, PyObject* arguments);  // height_map.cpp
 PyObject* format_move_rows(PyObject*, PyObject* arguments);         // move_rows.cpp
+PyObject* highest_facets(PyObject*, PyObject* arguments);           // highest_facets.cpp
 PyObject* inflate_paths(PyObject*, PyObject* arguments);            // inflating.cpp
 PyObject* inner_edges(PyObject*, PyObject* arguments);              // inner_edges.cpp
 PyObject* label_components(PyObject*, PyObject* arguments);         // keys.cpp

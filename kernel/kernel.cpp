@@ -7,7 +7,7 @@
 
 namespace {
 
-constexpr int INTERFACE = 9;  // increase it with every change that callers or results notice, also in kernel.py
+constexpr int INTERFACE = 10;  // increase it with every change that callers or results notice, also in kernel.py
 
 PyMethodDef methods[] = {
     {"accumulate_with_limit", accumulate_with_limit, METH_VARARGS, "Add with limits; see kernel.py."},
@@ -24,6 +24,7 @@ PyMethodDef methods[] = {
     {"find_spikes", find_spikes, METH_VARARGS, "Find spikes of outlines; see kernel.py."},
     {"find_unsupported_pieces", find_unsupported_pieces, METH_VARARGS, "Find unsupported extrusion; see kernel.py."},
     {"format_move_rows", format_move_rows, METH_VARARGS, "Format rows of moves; see kernel.py."},
+    {"highest_facets", highest_facets, METH_VARARGS, "Find the highest facets over points; see kernel.py."},
     {"inflate_paths", inflate_paths, METH_VARARGS, "Offset outlines and lines; see kernel.py."},
     {"inner_edges", inner_edges, METH_VARARGS, "Find the edges of the medial axis; see kernel.py."},
     {"label_components", label_components, METH_VARARGS, "Label connected components; see kernel.py."},

@@ -17,7 +17,7 @@ from printer_slicer.errors import UsageError
 __all__ = ["VARIABLE", "Buffer", "Kernel", "describe_kernel", "load_kernel"]
 
 VARIABLE: Final = "PRINTER_SLICER_KERNEL"
-_INTERFACE: Final = 9  # of the functions that are called here; the same number stands in kernel/kernel.cpp
+_INTERFACE: Final = 10  # of the functions that are called here; the same number stands in kernel/kernel.cpp
 _REASON: Final = Path(__file__).with_name("_kernel.txt")  # written by hatch_build.py if there is no kernel
 
 
@@ -255,6 +255,25 @@ class Kernel(Protocol):
 
         Raises:
             ValueError: the arrays do not match, or a number has 20 or more decimals.
+        """
+
+    def highest_facets(
+        self, points: Buffer, bins: Buffer, start: Buffer, listed: Buffer, facets: Buffer, /
+    ) -> bytes:
+        """Find the highest facet over each point; see `printer_slicer.contouring.surface_heights`.
+
+        Args:
+            points: (N, 5) float64: x and y, lowest and highest z of a facet there, and tangent of its steepest slope.
+            bins: (N,) int64, bin of each point, or -1.
+            start: (B + 1,) int64, as of `FacetBins`.
+            listed: (P,) int64, `facet` of `FacetBins`.
+            facets: (T, 13) float64, `columns` of `FacetBins`.
+
+        Returns:
+            The facet (N,) as int64, the last one of several; -1 if there is none.
+
+        Raises:
+            ValueError: the arrays do not match, or an index is outside of its array.
         """
 
     def inflate_paths(

@@ -22,6 +22,7 @@ from printer_slicer.perimeters.facing_sides import find_facing_sides
 from printer_slicer.perimeters.layout import _find_nearest_changes
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import Profile
+from tests.contoured_parts import dome
 from tests.kernels import KERNEL, SAME_BITS, needs_kernel
 from tests.parts import box_with_hole, case_study, cone, plain, prism
 from tests.strategies import box, clean_areas, rectilinear_areas
@@ -238,6 +239,17 @@ def test_gcode_of_a_vase_is_the_same_to_the_last_byte() -> None:
     assert sliced_with("off", part, wanted) == sliced_with("required", part, wanted)
 
 
+@needs_kernel
+@same_bits
+def test_gcode_of_contoured_tops_is_the_same_to_the_last_byte() -> None:
+    part, wanted = dome(8.0, 2.0, 24), plain(z_contouring=True)
+
+    found = [sliced_with(kernel, part, wanted) for kernel in ("off", "required")]
+
+    assert found[0] == found[1]
+    assert found[0] != sliced_with("required", part, plain())
+
+
 # Errors
 
 
@@ -319,6 +331,36 @@ def test_wrong_links_are_an_error(
 
     with pytest.raises(ValueError, match=message):
         kernel.nearest_marked(np.array(links).data, np.array(lengths).data, np.ones(3, np.int64).data, 9.0)
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("n_numbers", "bins", "start", "listed", "message"),
+    [
+        (9, [0, 0], [0, 1], [0], "shape"),
+        (10, [0, 1], [0, 1], [0], "point is in a bin"),
+        (10, [-2, 0], [0, 1], [0], "point is in a bin"),
+        (10, [0, 0], [0, 1], [1], "bin has a facet"),
+        (10, [0, 0], [0, 2], [0], "beyond the list"),
+        (10, [0, 0], [1, 0], [0], "ascend"),
+    ],
+)
+def test_bins_that_do_not_match_their_facets_are_an_error(
+    n_numbers: int,
+    bins: list[int],
+    start: list[int],
+    listed: list[int],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(VARIABLE, "required")
+    kernel = load_kernel()
+    assert kernel
+
+    with pytest.raises(ValueError, match=message):
+        kernel.highest_facets(
+            np.zeros(n_numbers), np.array(bins), np.array(start), np.array(listed), np.zeros(13)
+        )
 
 
 @needs_kernel

@@ -16,6 +16,7 @@ from printer_slicer.contouring.tops import Tops
 from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import are_in_triangles, cross
+from printer_slicer.kernel import load_kernel
 from printer_slicer.model import Sections
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
@@ -65,6 +66,8 @@ class FacetBins(Struct, frozen=True, eq=False):
         followed: (B,) whether extrusions follow any of the facets.
         tops: the facets.
         plane: (T, 3) z of the plane of each facet at x = y = 0, mm, and its slopes in x and y.
+        columns: (T, 13) for the kernel: `plane`, slope and corners in x and y of each facet, and three lower limits of
+            twice the area of the triangle between a point on it and each of its sides, mm².
     """
 
     origin: Int
@@ -75,6 +78,7 @@ class FacetBins(Struct, frozen=True, eq=False):
     followed: Bool
     tops: Tops
     plane: Float
+    columns: Float
 
     @classmethod
     def from_tops(cls, tops: Tops) -> FacetBins:
@@ -91,7 +95,8 @@ class FacetBins(Struct, frozen=True, eq=False):
         start = np.append(begins, len(key))
         facet, followed = tops.facet[reach[order]], tops.followed[reach[order]]
         any_followed = np.logical_or.reduceat(followed, begins)
-        return cls(origin, (width, depth), key[begins], start, facet, any_followed, tops, plane)
+        columns = _make_columns(tops, plane)
+        return cls(origin, (width, depth), key[begins], start, facet, any_followed, tops, plane, columns)
 
     def find_bins(self, xy: Float, layer: Int) -> Int:
         """Return the index (N,) of the bin of each point (N, 2) of layers (N,); -1 if there are no facets."""
@@ -109,8 +114,16 @@ class FacetBins(Struct, frozen=True, eq=False):
 
     def find_facets(self, points: LayerPoints) -> Int:
         """Return the index (N,) of the highest facet within the layer of each point; -1 if there is none."""
-        result = np.full(len(points.xy), -1)
         bins = self.find_bins(points.xy, points.layer)
+        if kernel := load_kernel():
+            limits = np.column_stack([points.xy, points.bottom, points.top, points.steepest])
+            found = kernel.highest_facets(limits, bins, self.start, self.facet, self.columns)
+            return np.frombuffer(found, np.int64)
+        return self._find_facets(points, bins)
+
+    def _find_facets(self, points: LayerPoints, bins: Int) -> Int:
+        """Do the same without the kernel for points in bins (N,)."""
+        result = np.full(len(points.xy), -1)
         some = np.flatnonzero(bins >= 0)
         count = np.diff(self.start)[bins[some]]
         for batch in _split_by_total(count, _PAIRS_AT_ONCE):
@@ -166,6 +179,14 @@ def _find_planes(corners: Float) -> Float:
     y = (one[:, 0] * other[:, 2] - other[:, 0] * one[:, 2]) / area
     z = corners[:, 0, 2] - x * corners[:, 0, 0] - y * corners[:, 0, 1]
     return np.stack([z, x, y], axis=1)
+
+
+def _make_columns(tops: Tops, plane: Float) -> Float:
+    """Return the columns (T, 13) of facets for the kernel, see `FacetBins`."""
+    flat = tops.corners[..., :2]
+    side = np.roll(flat, -1, axis=1) - flat
+    limits = -_BESIDE * np.hypot(side[..., 0], side[..., 1])
+    return np.column_stack([plane, tops.slope, flat.reshape(-1, 6), limits])
 
 
 def _list_cells(tops: Tops, plane: Float) -> tuple[Int, Int, Int]:
