@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import NoneType
-from typing import TYPE_CHECKING, Final, Unpack
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias, Unpack
 
 import numpy as np
 
@@ -43,7 +43,7 @@ from printer_slicer.object_supports import (
 )
 from printer_slicer.objects import cut_objects, make_object_paths, split_objects
 from printer_slicer.ordering import apply_spiral_settings, order
-from printer_slicer.perimeters import lay_walls
+from printer_slicer.perimeters import lay_changed_walls, lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.planners import UniformPlanner
@@ -73,6 +73,9 @@ __all__ = [
 
 
 _MOST_LEVELLINGS: Final = 2
+
+_Divided: TypeAlias = tuple[list[Sections], list[Walls]]
+_Stages: TypeAlias = tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None]
 
 
 @check_arguments(placement=Placement, strategies=Strategies, volumes=(Volumes, NoneType))
@@ -169,12 +172,11 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
     del mesh, repaired  # free memory: millions of facets take hundreds of megabytes
     report("planning")
     stacks = plan_objects(part, profile, strategies) if plan is None else make_stacks(part, plan)
-    run = partial(slice_planned, part, profile=profile, report=report, strategies=strategies, keep=keep)
-    stages = (
-        _slice_contoured(stacks, profile, run)
-        if profile.quality.z_contouring
-        else run(list_stack_plans(stacks))
-    )
+    if profile.quality.z_contouring:
+        from printer_slicer.contouring import add_contour_rule  # noqa: PLC0415 - off by default
+
+        stacks = tuple(replace(one, plan=add_contour_rule(one.plan, profile)) for one in stacks)
+    stages = slice_planned(part, list_stack_plans(stacks), profile, report, strategies, keep=keep)
     repairs = replace(repairs, done=(*repairs.done, *list_section_repairs(stages.sections, shift)))
     if strict:
         require_no_repair(part.name, repairs)
@@ -188,33 +190,6 @@ def _slice(  # noqa: PLR0913 - arguments of `slice_stages`
             stages, stacks=tuple(replace(one, plan=two.plan, contours=two.contours) for one, two in made)
         )
     return replace(stages, repairs=repairs, shift=shift)
-
-
-def _slice_contoured(
-    stacks: Sequence[ObjectStack], profile: Profile, run: Callable[[Plans], Stages]
-) -> Stages:
-    """Slice stacks with contoured tops; layers that then break the tolerance are sliced once more with level tops.
-
-    `run` slices plans.
-    """
-    from printer_slicer.contouring import add_contour_rule, find_tops_to_level, level_layers  # noqa: PLC0415
-    from printer_slicer.planning.z_steps import layer_tolerances  # noqa: PLC0415 - off by default
-
-    stacks = [replace(one, plan=add_contour_rule(one.plan, profile)) for one in stacks]
-    stages = run(list_stack_plans(stacks))
-    if isinstance(profile.quality.planner, UniformPlanner):
-        return stages
-    for _ in range(_MOST_LEVELLINGS):
-        tops = [
-            top
-            for one in stages.stacks
-            for top in find_tops_to_level(one, layer_tolerances(profile, one.plan.bottom, one.plan.top))
-        ]
-        if not tops:
-            break
-        stacks = [replace(one, plan=level_layers(one.plan, tops)) for one in stacks]
-        stages = run(list_stack_plans(stacks))
-    return stages
 
 
 def slice_planned(  # noqa: PLR0913 - all options have defaults
@@ -236,12 +211,10 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
         run = partial(slice_planned, report=report, strategies=strategies, keep=keep, trial=trial)
         return _slice_one_by_one(part, plan, profile, run)
     profile = apply_spiral_settings(profile)
-    made, paths, profiles = _make_paths(part, plan, profile, report, strategies, keep=keep, trial=trial)
-    solid, walls, regions, found, supports = made
-    report("ordering")
-    printed = _stand_on_raft(paths, (solid, supports), profile)
-    lift = float(printed.plan.top[-1] - solid.plan.top[-1])
-    toolpaths, contours = _order(paths, solid, printed, part, profile)
+    made = _make_ordered_paths(part, plan, profile, report, strategies, keep=keep, trial=trial)
+    (solid, walls, regions, found, supports), profiles = made.stages, made.profiles
+    toolpaths, printed, stacks = made.toolpaths, made.printed, made.stacks
+    del made  # free memory: toolpaths are replaced
     if profile.quality.arc_tolerance:
         from printer_slicer.curves import fit_arcs  # noqa: PLC0415 - few profiles allow arcs
 
@@ -265,8 +238,88 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     program = run_program_functions(program, strategies.on_program, len(profile.extruders))
     labels = label_moves(program, part, solid.plan, _find_owners(supports, found, part))
     made_later = toolpaths, travels, program, link, labels, Repairs(), *_join_overhangs(found)
-    stacks = _list_printed_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan, contours, lift)
     return Stages(part, solid, walls, regions, *made_later, supports, stacks=stacks)
+
+
+class _OrderedPaths(NamedTuple):
+    """The results of the stages up to the printing order.
+
+    Attributes:
+        stages: sections, walls, regions, overhangs and supports.
+        profiles: the profiles to which the paths refer.
+        printed: the sections of all printed layers.
+        toolpaths: the paths in printing order.
+        stacks: the stacks of layers, with the deviations of contoured tops.
+    """
+
+    stages: _Stages
+    profiles: list[Profile]
+    printed: Sections
+    toolpaths: Toolpaths
+    stacks: tuple[ObjectStack, ...]
+
+
+def _make_ordered_paths(  # noqa: PLR0913 - arguments of `slice_planned`
+    part: Mesh,
+    plan: Plans,
+    profile: Profile,
+    report: Report,
+    strategies: Strategies,
+    *,
+    keep: bool,
+    trial: bool,
+) -> _OrderedPaths:
+    """Run the stages up to the printing order.
+
+    Where contoured tops break the tolerance of the planner, layers get level tops, and their paths are made once more.
+    """
+    run = partial(_make_paths_in_order, part, profile=profile, report=report, strategies=strategies)
+    if not profile.quality.z_contouring or isinstance(profile.quality.planner, UniformPlanner):
+        return run(plan, keep=keep, trial=trial)[0]
+    from printer_slicer.contouring import level_inexact_layers  # noqa: PLC0415 - off by default
+    from printer_slicer.planning.z_steps import layer_tolerances  # noqa: PLC0415
+
+    known = None
+    for _ in range(_MOST_LEVELLINGS):
+        made, known = run(plan, keep=keep, trial=trial, known=known, is_last=False)
+        plans = [one.plan for one in made.stacks]
+        tolerances = [layer_tolerances(profile, one.bottom, one.top) for one in plans]
+        levelled = level_inexact_layers(made.stacks, tolerances)
+        if levelled is None:
+            return made
+        plan = list_stack_plans(levelled)
+        del made  # free memory
+    return run(plan, keep=keep, trial=trial, known=known)[0]
+
+
+def _make_paths_in_order(  # noqa: PLR0913 - arguments of `slice_planned`
+    part: Mesh,
+    plan: Plans,
+    profile: Profile,
+    report: Report,
+    strategies: Strategies,
+    *,
+    keep: bool,
+    trial: bool,
+    known: _Divided | None = None,
+    is_last: bool = True,
+) -> tuple[_OrderedPaths, _Divided | None]:
+    """Make the paths of a plan in printing order; also return sections and walls unless it is the last plan.
+
+    `known` are those of another plan with the same layers.
+    """
+    made, paths, profiles, known = _make_paths(
+        part, plan, profile, report, strategies, keep=keep, trial=trial, known=known
+    )
+    if is_last:
+        known = None  # free memory
+    report("ordering")
+    solid, supports = made[0], made[-1]
+    printed = _stand_on_raft(paths, (solid, supports), profile)
+    toolpaths, contours = _order(paths, solid, printed, part, profile)
+    lift = float(printed.plan.top[-1] - solid.plan.top[-1])
+    stacks = _list_printed_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan, contours, lift)
+    return _OrderedPaths(made, profiles, printed, toolpaths, stacks), known
 
 
 def _list_printed_stacks(
@@ -322,11 +375,10 @@ def _slice_one_by_one(part: Mesh, plan: Plans, profile: Profile, run: Callable[.
     made = [run(*one) for one in split_for_sequence(part, plan, profile)]
     stages, stacks = join_stages(part, made, profile), make_stacks(part, plan)
     if profile.quality.z_contouring:
-        found = [one.stacks[0].contours for one in made]
-        stacks = tuple(
-            replace(one, contours=ContourDeviations.find_worst([found[index] for index in one.objects]))
-            for one in stacks
-        )
+        from printer_slicer.contouring import join_contours  # noqa: PLC0415 - off by default
+
+        own = [one.stacks[0] for one in made]
+        stacks = tuple(join_contours(one, [own[index] for index in one.objects]) for one in stacks)
     return replace(stages, stacks=stacks)
 
 
@@ -382,13 +434,17 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     *,
     keep: bool,
     trial: bool,
-) -> tuple[
-    tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None], list[Toolpaths], list[Profile]
-]:
-    """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
+    known: _Divided | None,
+) -> tuple[_Stages, list[Toolpaths], list[Profile], _Divided]:
+    """Run the stages up to the paths of all objects.
+
+    Also return the profiles to which the paths refer, and sections and walls of all objects. `known` are those of
+    another plan with the same layers.
+    """
     features = _list_feature_layers(plan)
     meshes, sections, own = _cut(part, plan, features, profile, report)
-    walls, regions = _divide(sections, own, report)
+    walls, regions = _divide(sections, own, report, known)
+    divided = sections, walls
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(
@@ -415,7 +471,7 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
         found,
         supports,
     )
-    return made, [*paths, *support_paths], profiles
+    return made, [*paths, *support_paths], profiles, divided
 
 
 def _list_feature_layers(plan: Plans) -> list[FeatureLayers]:
@@ -444,11 +500,15 @@ def _cut(
 
 
 def _divide(
-    sections: list[Sections], own: list[Profile], report: Report
+    sections: list[Sections], own: list[Profile], report: Report, known: _Divided | None = None
 ) -> tuple[list[Walls], list[Regions]]:
-    """Return the walls and the regions of each object."""
+    """Return the walls and the regions of each object; `known` are sections and walls with the same layers."""
     report("perimeters")
-    walls = list(map(lay_walls, sections, own))
+    if known is None:
+        walls = list(map(lay_walls, sections, own))
+    else:
+        solids = [one.solid for one in known[0]]
+        walls = list(map(lay_changed_walls, sections, own, solids, known[1]))
     report("regions")
     return walls, list(map(classify, sections, walls, own))
 

@@ -25,6 +25,7 @@ from printer_slicer.contouring.z_profiles import (
 )
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.facts.findings import list_slicing_warnings
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import difference
 from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
 from printer_slicer.pipeline import slice_stages
@@ -421,14 +422,28 @@ def test_printed_extrusions_keep_the_tolerance(mesh: Mesh) -> None:
 
 
 def test_layers_that_break_the_tolerance_are_levelled() -> None:
-    stages = sliced(wedge(20.0), planner__kind="optimal", tolerance=0.08)
-    (stack,) = stages.stacks
-    rule = stack.plan.contour_rule
+    stages = sliced(dome(), planner__kind="optimal", tolerance=0.05)
+    rule = stages.stacks[0].plan.contour_rule
+
     assert rule is not None
-    if rule.level_tops:
-        level = np.isin(stages.toolpaths.plan.top, rule.level_tops)
-        owner = stages.toolpaths.path_of_point
-        assert (stages.toolpaths.z_offset[level[stages.toolpaths.layer[owner]]] == 0).all()
+    assert len(rule.level_tops) > 1
+    level = np.isin(stages.toolpaths.plan.top, rule.level_tops)
+    owner = stages.toolpaths.path_of_point
+    assert (stages.toolpaths.z_offset[level[stages.toolpaths.layer[owner]]] == 0).all()
+
+
+@pytest.mark.parametrize("changes", [{}, {"single_top_perimeter": True, "extra_perimeters": True}])
+def test_the_plan_with_level_layers_gives_the_same_print_again(changes: dict[str, object]) -> None:
+    """Only the perimeters of level layers and their neighbours are made again."""
+    wanted = contoured(planner__kind="optimal", tolerance=0.05, **changes)
+    stages = slice_stages(dome(), wanted)
+    plan = stages.stacks[0].plan
+
+    again = slice_stages(dome(), wanted, plan=plan)
+
+    assert plan.contour_rule
+    assert plan.contour_rule.level_tops
+    assert gcode_of(again.program, wanted) == gcode_of(stages.program, wanted)
 
 
 def test_a_widened_section_is_that_at_half_of_the_least_height() -> None:

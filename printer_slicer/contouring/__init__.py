@@ -21,7 +21,8 @@ from printer_slicer.contouring.deviations import measure_deviations
 from printer_slicer.contouring.paths import contour, find_contoured_paths
 from printer_slicer.contouring.rules import (
     add_contour_rule,
-    find_tops_to_level,
+    join_contours,
+    level_inexact_layers,
     level_layers,
     make_contour_rule,
 )
@@ -38,7 +39,8 @@ __all__ = [
     "find_contoured_paths",
     "find_reached_areas",
     "find_tops",
-    "find_tops_to_level",
+    "join_contours",
+    "level_inexact_layers",
     "level_layers",
     "make_contour_rule",
     "measure_deviations",

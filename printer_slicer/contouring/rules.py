@@ -9,12 +9,12 @@ import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.contouring.z_profiles import Z_TOLERANCE
-from printer_slicer.model import ContourRule, LayerPlan, ObjectStack
+from printer_slicer.model import ContourDeviations, ContourRule, LayerPlan, ObjectStack
 from printer_slicer.profile import Profile
 from printer_slicer.surface import layer_bounds, read_surface
 from printer_slicer.values import replace
 
-__all__ = ["add_contour_rule", "find_tops_to_level", "level_layers", "make_contour_rule"]
+__all__ = ["add_contour_rule", "join_contours", "level_inexact_layers", "level_layers", "make_contour_rule"]
 
 _ROUNDING: Final = 1e-7  # mm
 _HALF: Final = 0.5  # of a step of the z axis, to which z is rounded
@@ -42,7 +42,26 @@ def add_contour_rule(plan: LayerPlan, profile: Profile) -> LayerPlan:
     return replace(plan, contour_rule=make_contour_rule(profile)) if plan.containment == "mid" else plan
 
 
-def find_tops_to_level(stack: ObjectStack, tolerance: Float) -> list[float]:
+def level_inexact_layers(
+    stacks: Sequence[ObjectStack], tolerances: Sequence[Float]
+) -> list[ObjectStack] | None:
+    """Return stacks in which layers whose printed extrusions break the tolerance are level; None if there are none.
+
+    Only layers that keep the tolerance when they are level.
+
+    Args:
+        stacks: as they are printed.
+        tolerances: (L,) for each stack, of each of its layers, mm.
+    """
+    tops = [
+        top
+        for stack, tolerance in zip(stacks, tolerances, strict=True)
+        for top in _find_inexact_tops(stack, tolerance)
+    ]
+    return [replace(one, plan=level_layers(one.plan, tops)) for one in stacks] if tops else None
+
+
+def _find_inexact_tops(stack: ObjectStack, tolerance: Float) -> list[float]:
     """Return the tops, mm, of the layers of a stack whose printed extrusions do not keep the tolerance (L,), mm.
 
     With level tops, they do.
@@ -55,6 +74,19 @@ def find_tops_to_level(stack: ObjectStack, tolerance: Float) -> list[float]:
         return []
     level = layer_bounds(read_surface(stack.mesh), replace(plan, contour_rule=None))
     return [float(top) for top in plan.top[beyond & (level <= tolerance + _ROUNDING)]]
+
+
+def join_contours(stack: ObjectStack, objects: Sequence[ObjectStack]) -> ObjectStack:
+    """Return the stack of several objects with the contoured tops of all of them; a layer is level if one of them is.
+
+    Args:
+        stack: of the objects.
+        objects: the stack of each object as it is printed.
+    """
+    rules = [one.plan.contour_rule for one in objects]
+    tops = sorted({top for rule in rules if rule for top in rule.level_tops})
+    contours = ContourDeviations.find_worst([one.contours for one in objects])
+    return replace(stack, plan=level_layers(stack.plan, tops), contours=contours)
 
 
 def level_layers(plan: LayerPlan, tops: Sequence[float]) -> LayerPlan:

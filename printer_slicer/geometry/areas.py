@@ -200,6 +200,23 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
         keep = wanted[self.ring_layer]
         return self if keep.all() else self.select(keep)
 
+    def find_changed_layers(self, before: Areas) -> Bool:
+        """Return a mask (n_layers,) of the layers whose rings are not exactly those of another stack."""
+        first, other_first = (one.ring_start[one.layer_start] for one in (self, before))
+        result = np.diff(first) != np.diff(other_first)
+        result |= np.diff(self.layer_start) != np.diff(before.layer_start)
+        rings = [np.flatnonzero(~result[one.ring_layer]) for one in (self, before)]
+        sizes = [np.diff(one.ring_start)[some] for one, some in zip((self, before), rings, strict=True)]
+        result[self.ring_layer[rings[0][sizes[0] != sizes[1]]]] = True
+        same = np.flatnonzero(~result)
+        count = np.diff(first)[same]
+        one, other = (
+            self.xy[consecutive(first[same], count)],
+            before.xy[consecutive(other_first[same], count)],
+        )
+        result[np.repeat(same, count)[(one != other).any(axis=1)]] = True
+        return np.asarray(result)
+
     def on_layers(self, layer: Int, n_layers: int) -> Areas:
         """Return the areas in a stack of `n_layers` layers; layer k moves to index `layer[k]` (L,), ascending."""
         return Areas(self.xy, self.ring_start, layer[self.ring_layer], n_layers)

@@ -79,11 +79,15 @@ def _clip_triangles(corners: Float, low: Float, high: Float) -> tuple[Float, Int
     within = (begin[:, :, 2] >= low[:, None]) & (begin[:, :, 2] <= high[:, None])
     enter, leave = np.where(is_level, 0.0, enter), np.where(is_level, 1.0, leave)
     kept = np.where(is_level, within, enter < leave)
+    # Where two edges meet, the corner is listed once.
+    begins_at_corner = kept & (enter == 0)
+    ends = kept & ~((leave == 1) & begins_at_corner[:, [1, 2, 0]])
     step = (end - begin)[:, :, :2]
     points = np.stack(
         [begin[:, :, :2] + enter[:, :, None] * step, begin[:, :, :2] + leave[:, :, None] * step], axis=2
     )
-    return points[kept].reshape(-1, 2), 2 * kept.sum(axis=1)
+    used = np.stack([kept, ends], axis=2)
+    return points[used], used.sum(axis=(1, 2))
 
 
 def _stack_rings(xy: Float, size: Int, layer: Int, order: Int, n_layers: int) -> Areas:

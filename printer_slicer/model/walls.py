@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from printer_slicer.arrays import Float, frozen_array
+from printer_slicer.arrays import Bool, Float, frozen_array
 from printer_slicer.geometry import Areas
 from printer_slicer.model.layers import LayerPlan
 from printer_slicer.model.paths import Toolpaths
@@ -55,6 +55,13 @@ class Walls(SvgRepr, Struct, frozen=True, eq=False):
         width[layer] = self.width
         lost[layer] = self.lost * (self.plan.height / plan.height[layer])  # the same volume
         return Walls(plan, width, self.paths.on_plan(plan), self.inside.on_layers(layer, plan.n_layers), lost)
+
+    def of_layers(self, layers: Bool) -> Walls:
+        """Return only the walls of the layers of a mask (L,); on the others there is nothing."""
+        paths = self.paths.take(np.flatnonzero(layers[self.paths.layer]))
+        return Walls(
+            self.plan, self.width, paths, self.inside.of_layers(layers), np.where(layers, self.lost, 0.0)
+        )
 
     def without_paths(self) -> Walls:
         """Return only the widths and the lost area, to release memory."""

@@ -254,3 +254,17 @@ def test_points_know_their_rings_and_layers() -> None:
 
     assert stack.point_ring.tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2]
     assert stack.point_layer.tolist() == [0, 0, 0, 0, 0, 0, 0, 2, 2, 2, 2]
+
+
+@given(areas(3), st.data())
+def test_changed_layers_are_those_with_other_rings(stack: Areas, data: st.DataObject) -> None:
+    moved = np.array(
+        data.draw(st.lists(st.booleans(), min_size=stack.n_layers, max_size=stack.n_layers)), np.bool_
+    )
+    xy = stack.xy + 0.25 * moved[np.repeat(stack.ring_layer, np.diff(stack.ring_start))][:, None]
+    other = Areas(xy, stack.ring_start, stack.ring_layer, stack.n_layers)
+
+    assert (stack.find_changed_layers(other) == moved & stack.used).all()
+    assert not stack.find_changed_layers(stack).any()
+    assert (stack.find_changed_layers(Areas.empty(stack.n_layers)) == stack.used).all()
+    assert (stack.find_changed_layers(stack.of_layers(~moved)) == moved & stack.used).all()
