@@ -28,6 +28,7 @@ _MAX_GRADIENT: Final = 0.75  # mm per mm; steeper slopes are not extended
 _MIN_COVERED: Final = 0.5  # share of the surface of a class
 _LEAST_QUANTILE: Final = 0.02  # of the length of contoured extrusions
 _LEAST_HEIGHTS: Final = 0.02, 0.2  # mm, smallest and largest least height of an extrusion
+_LOWEST_EDGE: Final = 0.02  # mm above the bottom of a layer
 _MAX_GAP: Final = 0.02  # mm between a section and its extension, from rounding
 _SAME_HEIGHT: Final = 1e-3  # mm
 
@@ -91,11 +92,20 @@ def _project_class(
             chosen = (steepness >= number) & (steepness < number + 1)
             if not chosen.any():
                 continue
-            low = stack.bottom[layers] + least / 2
+            low = stack.bottom[layers] + _find_edge_height(least, width, number * _CLASS * height / width)
             high = np.maximum(stack.bottom[layers] + height / 2, low)
             slabs = normalize(project_slabs(triangles[chosen], low, high))
             found.append(slabs.on_layers(layers, stack.n_layers))
     return Areas.merged(found)
+
+
+def _find_edge_height(least: float, width: float, gradient: float) -> float:
+    """Return the height of the surface above the bottom of a layer where its section ends on a slope, mm.
+
+    It is half of the least height of extrusions. On steep slopes no extrusion is that low: the centre line of the
+    lowest one is half a width from the edge, so the surface at the edge is lower than the lowest height in the file.
+    """
+    return min(least / 2, max(least - width / 2 * gradient, _LOWEST_EDGE))
 
 
 def _layers_by_height(stack: Stack, own: Int) -> list[Int]:

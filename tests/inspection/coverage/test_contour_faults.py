@@ -8,7 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import Check, check_gcode
+from printer_slicer.pipeline import slice_part
+from printer_slicer.profile import load_profile
+from tests import contoured_parts
 from tests.contoured_gcode import (
     HEIGHT,
     KINDS,
@@ -51,6 +55,16 @@ def test_a_contoured_file_has_no_findings(name: str, kind: str) -> None:
     assert check.match.shift == pytest.approx((0, 0), abs=0.002)
     assert check.coverage.surface is not None
     assert check.coverage.surface.length.max() < 1
+
+
+def test_narrow_sections_on_a_steep_top_need_what_is_below_the_surface() -> None:
+    """No extrusion of the file is as low as the setting, because the centre lines are half a width from the edge."""
+    settings = {"quality.layer_height": 0.2, "quality.planner.kind": "uniform", "quality.z_contouring": True}
+    mesh = contoured_parts.wedge(20.0, (30.0, 30.0))
+    profile = load_profile("marlin_220", "pla", "standard", settings)
+    text = gcode_of(slice_part(mesh, profile), profile)
+
+    assert check_gcode(text, mesh).findings == ()
 
 
 def test_the_small_wedges_have_no_findings() -> None:
