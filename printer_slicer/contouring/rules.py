@@ -10,7 +10,7 @@ import numpy as np
 from printer_slicer.arrays import Float
 from printer_slicer.contouring.z_profiles import Z_TOLERANCE
 from printer_slicer.model import ContourDeviations, ContourRule, LayerPlan, ObjectStack
-from printer_slicer.profile import Profile
+from printer_slicer.profile import Profile, UniformPlanner
 from printer_slicer.surface import layer_bounds, read_surface
 from printer_slicer.values import replace
 
@@ -23,18 +23,32 @@ _HALF: Final = 0.5  # of a step of the z axis, to which z is rounded
 def make_contour_rule(profile: Profile) -> ContourRule | None:
     """Return where extrusions follow shallow upper surfaces; None if they do not.
 
-    They do not if the sections are larger or smaller than the part on purpose (`quality.containment`).
+    They do not if the sections are larger or smaller than the part on purpose (`quality.containment`), nor if the
+    planner keeps a tolerance that is smaller than their deviation. Slopes are limited for the same reason.
     """
     quality = profile.quality
     if not quality.z_contouring or quality.containment != "mid":
         return None
-    return ContourRule(
+    rule = ContourRule(
         quality.contour_min_height,
         profile.extrusion_width,
         float(np.tan(np.deg2rad(quality.contour_max_slope_deg))),
         Z_TOLERANCE + _HALF * profile.printer.z_step,
         profile.printer.nozzle_flat,
     )
+    if isinstance(quality.planner, UniformPlanner):
+        return rule
+    own = (one.tolerance for one in profile.dials.ranges)
+    return _limit_slopes(rule, min(quality.tolerance, *filter(None, own), np.inf))
+
+
+def _limit_slopes(rule: ContourRule, tolerance: float) -> ContourRule | None:
+    """Return a rule that only follows slopes where the deviation keeps a tolerance, mm; None if it follows none."""
+    most = tolerance - rule.tolerance
+    if most < rule.min_height / 2:
+        return None
+    sine = min(2 * most / rule.width, 1.0)
+    return replace(rule, slope_limit=float(np.tan(np.arcsin(sine))))
 
 
 def add_contour_rule(plan: LayerPlan, profile: Profile) -> LayerPlan:

@@ -47,6 +47,8 @@ class ContourRule(Struct, frozen=True):
         tolerance: largest difference of the z of the nozzle from the surface at the centre line, mm.
         nozzle_flat: diameter of the flat underside of the nozzle, mm.
         level_tops: tops of layers that stay level, mm.
+        slope_limit: tangent of the slope above which nothing is followed in any layer, because the deviation could
+            exceed the tolerance of the plan.
     """
 
     min_height: float
@@ -55,6 +57,17 @@ class ContourRule(Struct, frozen=True):
     tolerance: float
     nozzle_flat: float
     level_tops: tuple[float, ...] = ()
+    slope_limit: float = np.inf
+
+    @property
+    def steepest(self) -> float:
+        """Tangent of the steepest slope that is followed in layers of any height."""
+        return min(self.max_slope or _STEEPEST_BY_RULE, self.slope_limit)
+
+    def bound_deviations(self, slope: Float) -> Float:
+        """Return how far the tops of extrusions may be from surfaces of these slopes (n,), as tangents, mm."""
+        across = self.width / 2 * slope / np.sqrt(1 + slope**2)
+        return np.asarray(np.maximum(across, self.min_height / 2) + self.tolerance)
 
     def find_contoured(self, top: Float) -> Bool:
         """Return which layers with tops (n,), mm, may be contoured."""
@@ -65,8 +78,8 @@ class ContourRule(Struct, frozen=True):
     def find_max_slopes(self, height: Float) -> Float:
         """Return the tangent (n,) of the steepest slope that is followed in layers of heights (n,), mm."""
         if self.max_slope:
-            return np.full(len(height), self.max_slope)
-        return np.minimum(_MOST_RISE * height / self.width, _STEEPEST_BY_RULE)
+            return np.full(len(height), self.steepest)
+        return np.minimum(_MOST_RISE * height / self.width, self.steepest)
 
 
 class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):

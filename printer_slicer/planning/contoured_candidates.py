@@ -83,9 +83,8 @@ class ContouredCandidates:
             length *= 2
         end = self._grid.cells * row.end
         slope = np.maximum(steepest[end - size], steepest[end - length])
-        deviation = self._rule.width / 2 * slope / np.sqrt(1 + slope**2) + self._rule.tolerance
-        bound = np.where(slope > 0, np.maximum(deviation, self._rule.min_height), 0.0)
-        return np.where(row.end > row.height, bound, 0.0)
+        followed = (slope > 0) & (row.end > row.height)
+        return np.where(followed, self._rule.bound_deviations(slope), 0.0)
 
 
 def list_contoured_candidates(

@@ -12,7 +12,8 @@ surface under its centre line, but not below z0 + a, and it is level across its 
   the centre line level with p, at most w / 2 away. Between B and the place of p, the surface is no steeper than the
   slope, so it stays on one side of the line from B with this slope. That line touches the ball of radius
   (w / 2) sin(slope) around p, and the surface passes from B to the other side of p. So it reaches the ball: the
-  deviation is at most (w / 2) sin(slope), plus the tolerance of the nozzle's z. Below z0 + a it is at most a.
+  deviation is at most (w / 2) sin(slope), plus the tolerance of the nozzle's z. Below z0 + a it is at most a / 2, plus
+  this tolerance.
 """
 
 from __future__ import annotations
@@ -157,9 +158,8 @@ def _bound_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float, top: Fl
     first = np.searchsorted(top, shadow.low + _ROUNDING, side="right")
     last = np.searchsorted(bottom, shadow.high - _ROUNDING, side="left") - 1
     some = first <= last
-    sine = facets.slope / np.sqrt(1 + facets.slope**2)
-    deviation = np.maximum(rule.width / 2 * sine + rule.tolerance, rule.min_height)
-    return compute_range_maxima(first[some], last[some], deviation[some], len(top))
+    deviation = rule.bound_deviations(facets.slope[some])
+    return compute_range_maxima(first[some], last[some], deviation, len(top))
 
 
 def _sum_volume_changes(

@@ -52,7 +52,7 @@ def test_the_volume_error_of_a_wedge_is_that_of_its_columns(slope_deg: float, he
 def test_the_deviation_is_that_of_half_a_width_or_of_level_layers() -> None:
     mesh, plan = wedge(10.0), layers(31, 0.2)
     half = WIDTH / 2 * np.sin(np.deg2rad(10)) + RULE.tolerance
-    for rule, contoured_bound in ((RULE, half), (replace(RULE, min_height=0.15), 0.15)):
+    for rule, contoured_bound in ((RULE, half), (replace(RULE, min_height=0.2), 0.1 + RULE.tolerance)):
         level, found = (certify(read_surface(mesh), one).bound for one in (plan, contoured(plan, rule)))
         sloped = plan.bottom >= 1.0 - 1e-9
         assert found[sloped] == pytest.approx(np.maximum(level[sloped], contoured_bound))
@@ -110,6 +110,24 @@ def test_the_tables_of_the_planner_agree_with_certificates(mesh: Mesh) -> None:
             assert (candidates.bound[chain] >= found.bound - 1e-6).all()
             # The volume above the last layer is in its error.
             assert candidates.volume[chain[:-1]] == pytest.approx(found.volume[:-1], rel=0.02, abs=0.02)
+
+
+def test_planners_with_a_tolerance_follow_only_slopes_that_keep_it() -> None:
+    mesh = joined([sphere(8.0), box((2, 2, 2), (-1, -1, 14))])
+    usual, aware = (
+        plan_layers(mesh, profile(z_contouring=on, planner__kind="optimal", planner__objective="time"))
+        for on in (False, True)
+    )
+    assert aware.contour_rule is not None
+    largest = aware.contour_rule.bound_deviations(np.array([aware.contour_rule.steepest]))
+    assert largest == pytest.approx(0.12)
+    assert (
+        aware.n_layers <= usual.n_layers
+    )  # slopes that extrusions cannot follow well do not make layers thin
+    assert certify(read_surface(mesh), aware).max_error <= 0.12 + 1e-6
+    for tolerance, planner, is_followed in ((0.03, "optimal", False), (0.03, "uniform", True)):
+        settings = profile(z_contouring=True, tolerance=tolerance, planner__kind=planner)
+        assert (make_contour_rule(settings) is not None) == is_followed
 
 
 def test_the_planner_uses_thicker_layers_under_contoured_tops() -> None:
