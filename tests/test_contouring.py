@@ -408,7 +408,7 @@ def test_deviations_of_printed_extrusions_are_those_of_half_a_width() -> None:
     assert contours is not None
     sloped = (contours.top > 1.4) & (contours.top < stages.part.height - 0.2)
 
-    assert contours.deviation[sloped].max() <= 0.45 / 2 * np.tan(np.deg2rad(15.0)) + 0.03
+    assert contours.deviation[sloped].max() <= 0.45 / 2 * np.sin(np.deg2rad(15.0)) + 0.0125
     assert contours.deviation[sloped].min() > 0.02
     x = contours.place[sloped, 0] - stages.part.bounds[0, 0]
     assert contours.place[sloped, 2] == pytest.approx(wedge_height(x, 15.0), abs=1e-6)

@@ -10,6 +10,7 @@ from printer_slicer.arrays import Float, Int
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.paths import find_paths_near
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
+from printer_slicer.geometry.vectors import measure_distances_from_triangles
 from printer_slicer.model import ContourDeviations, ContourRule, Sections, Toolpaths
 from printer_slicer.roles import roles_with
 
@@ -21,8 +22,9 @@ _SPACING: Final = 0.2  # mm along extrusions
 def measure_deviations(
     paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule
 ) -> ContourDeviations:
-    """Measure the distance of the tops of extrusions from the surfaces that the rule follows, straight up or down.
+    """Measure the distance of the tops of extrusions from the surfaces that the rule follows.
 
+    It is the distance from the facet straight below or above, so nothing between the two is farther from the surface.
     It is measured every 0.2 mm along the centre and both sides of all extrusions of the part: lowered ones, and those
     that had to stay level. Where the surface is lower than half of `min_height` in the layer, the layer is empty.
 
@@ -52,7 +54,7 @@ def _measure_paths(
     offset = paths.z_offset[fine.corner]
     offset = offset + fine.share * (paths.z_offset[following] - offset)
     z, side, layer = (paths.z_top[fine.owner] + offset)[near], fine.find_sides(paths)[near], layer[near]
-    plan = sections.plan
+    plan, tops = sections.plan, bins.tops
     limits = (
         plan.bottom + rule.min_height / 2,
         plan.top,
@@ -63,13 +65,23 @@ def _measure_paths(
         facet = bins.find_facets(points)
         covered = np.flatnonzero(facet >= 0)
         covered = covered[is_open_above(points.take(covered), sections)]
-        surface = bins.measure_heights(xy[covered], facet[covered])
-        _store_largest(found, layer[covered], np.column_stack([xy[covered], surface]), z[covered])
+        place, facet = np.column_stack([xy[covered], z[covered]]), facet[covered]
+        _store_largest(found, layer[covered], place, bins.measure_heights(place, facet), tops.corners[facet])
 
 
-def _store_largest(found: ContourDeviations, layer: Int, place: Float, z: Float) -> None:
-    """Store the largest distances of the heights `z` (n,) from the surface at `place` (n, 3) in each layer (n,)."""
-    deviation = np.abs(z - place[:, 2])
+def _store_largest(found: ContourDeviations, layer: Int, place: Float, surface: Float, facet: Float) -> None:
+    """Store the largest distances of tops of extrusions from the facets below or above them in each layer.
+
+    Args:
+        found: gets them.
+        layer: (n,) of each top.
+        place: (n, 3) of the tops, mm.
+        surface: (n,) z of the facets there, mm.
+        facet: (n, 3, 3) their corners, mm.
+    """
+    larger = np.flatnonzero(np.abs(place[:, 2] - surface) > found.deviation[layer])
+    layer, place, surface = layer[larger], place[larger], surface[larger]
+    deviation = measure_distances_from_triangles(place, facet[larger])
     np.maximum.at(found.deviation, layer, deviation)
     worst = np.flatnonzero(deviation == found.deviation[layer])
-    found.place[layer[worst]] = place[worst]
+    found.place[layer[worst]] = np.column_stack([place[worst, :2], surface[worst]])

@@ -1,4 +1,4 @@
-"""Products of arrays of vectors, rotations, points in triangles, and the nearest points on segments."""
+"""Products and rotations of vectors, points in triangles and distances from them, nearest points on segments."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ __all__ = [
     "cosine_and_sine",
     "cross",
     "dot",
+    "measure_distances_from_triangles",
     "nearest_on_segments",
     "nearest_share",
     "norm",
@@ -87,3 +88,14 @@ def nearest_on_segments(points: Float, begin: Float, end: Float) -> tuple[Float,
     way = end - begin
     share = nearest_share(points - begin, way)
     return begin + share[..., None] * way, share
+
+
+def measure_distances_from_triangles(points: Float, corners: Float) -> Float:
+    """Return the distance (n,) of each point (n, 3) from its triangle (n, 3, 3), mm."""
+    end = np.roll(corners, -1, axis=1)
+    way, gap = end - corners, points[:, None] - corners
+    beside = norm(points[:, None] - nearest_on_segments(points[:, None], corners, end)[0]).min(axis=1)
+    normal = np.cross(way[:, 0], way[:, 1])
+    size = norm(normal)
+    is_over = (dot(np.cross(way, gap), normal[:, None]) >= 0).all(axis=1) & (size > 0)
+    return np.asarray(np.where(is_over, np.abs(dot(gap[:, 0], normal)) / np.maximum(size, 1e-300), beside))

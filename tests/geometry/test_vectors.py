@@ -8,7 +8,13 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from printer_slicer.geometry.vectors import cross, dot, nearest_on_segments, nearest_share
+from printer_slicer.geometry.vectors import (
+    cross,
+    dot,
+    measure_distances_from_triangles,
+    nearest_on_segments,
+    nearest_share,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -55,3 +61,24 @@ def test_feet_are_found_in_space_and_for_many_points_of_one_segment() -> None:
 
     assert foot.tolist() == [[0, 0, 2], [0, 0, 1], [0, 0, 5]]
     assert share.tolist() == nearest_share(points - begin, end - begin).tolist() == [0.25, 0, 1]
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_distances_from_triangles_are_those_of_their_nearest_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners, points = rng.normal(size=(20, 3, 3)), 2 * rng.normal(size=(20, 3))
+    share = np.sort(rng.random((4000, 2)), axis=1)
+    weights = np.column_stack([share[:, 0], share[:, 1] - share[:, 0], 1 - share[:, 1]])
+    inside = np.einsum("pc,nck->npk", np.vstack([np.eye(3), weights]), corners)
+    sampled = np.linalg.norm(points[:, None] - inside, axis=2).min(axis=1)
+
+    found = measure_distances_from_triangles(points, corners)
+
+    assert (found <= sampled + 1e-12).all()
+    assert (found >= sampled - 0.3).all()
+    assert np.median(sampled - found) < 0.02
+
+
+def test_distances_from_triangles_without_area_are_those_of_their_sides() -> None:
+    corners = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
+    assert measure_distances_from_triangles(np.array([[1.5, 3.0, 4.0]]), corners) == pytest.approx(5.0)
