@@ -72,7 +72,7 @@ __all__ = [
 ]
 
 
-_MOST_LEVELLINGS: Final = 2
+_MOST_CHANGES: Final = 2  # of layers that break the tolerance
 
 _Divided: TypeAlias = tuple[list[Sections], list[Walls]]
 _Stages: TypeAlias = tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None]
@@ -271,23 +271,20 @@ def _make_ordered_paths(  # noqa: PLR0913 - arguments of `slice_planned`
 ) -> _OrderedPaths:
     """Run the stages up to the printing order.
 
-    Where contoured tops break the tolerance of the planner, layers get level tops, and their paths are made once more.
+    Where contoured tops break the tolerance of the planner, layers are changed, and their paths are made once more.
     """
     run = partial(_make_paths_in_order, part, profile=profile, report=report, strategies=strategies)
     if not profile.quality.z_contouring or isinstance(profile.quality.planner, UniformPlanner):
         return run(plan, keep=keep, trial=trial)[0]
-    from printer_slicer.contouring import level_inexact_layers  # noqa: PLC0415 - off by default
-    from printer_slicer.planning.z_steps import layer_tolerances  # noqa: PLC0415
+    from printer_slicer.planning.inexact_layers import change_inexact_layers  # noqa: PLC0415 - off by default
 
     known = None
-    for _ in range(_MOST_LEVELLINGS):
+    for _ in range(_MOST_CHANGES):
         made, known = run(plan, keep=keep, trial=trial, known=known, is_last=False)
-        plans = [one.plan for one in made.stacks]
-        tolerances = [layer_tolerances(profile, one.bottom, one.top) for one in plans]
-        levelled = level_inexact_layers(made.stacks, tolerances)
-        if levelled is None:
+        changed = change_inexact_layers(made.stacks, profile)
+        if changed is None:
             return made
-        plan = list_stack_plans(levelled)
+        plan = list_stack_plans(changed)
         del made  # free memory
     return run(plan, keep=keep, trial=trial, known=known)[0]
 
@@ -306,7 +303,7 @@ def _make_paths_in_order(  # noqa: PLR0913 - arguments of `slice_planned`
 ) -> tuple[_OrderedPaths, _Divided | None]:
     """Make the paths of a plan in printing order; also return sections and walls unless it is the last plan.
 
-    `known` are those of another plan with the same layers.
+    `known` are those of another plan.
     """
     made, paths, profiles, known = _make_paths(
         part, plan, profile, report, strategies, keep=keep, trial=trial, known=known
@@ -439,7 +436,7 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     """Run the stages up to the paths of all objects.
 
     Also return the profiles to which the paths refer, and sections and walls of all objects. `known` are those of
-    another plan with the same layers.
+    another plan.
     """
     features = _list_feature_layers(plan)
     meshes, sections, own = _cut(part, plan, features, profile, report)
@@ -499,12 +496,20 @@ def _cut(
     return meshes, cut_objects(meshes, plans, own), own
 
 
+def _have_same_layers(one: Sections, other: Sections) -> bool:
+    """Return whether two stacks of sections have the same layers."""
+    return np.array_equal(one.plan.top, other.plan.top)
+
+
 def _divide(
     sections: list[Sections], own: list[Profile], report: Report, known: _Divided | None = None
 ) -> tuple[list[Walls], list[Regions]]:
-    """Return the walls and the regions of each object; `known` are sections and walls with the same layers."""
+    """Return the walls and the regions of each object.
+
+    Where the sections are `known` ones with the same layers, the known walls are used.
+    """
     report("perimeters")
-    if known is None:
+    if known is None or not all(map(_have_same_layers, sections, known[0])):
         walls = list(map(lay_walls, sections, own))
     else:
         solids = [one.solid for one in known[0]]

@@ -21,8 +21,8 @@ from printer_slicer.contouring.deviations import measure_deviations
 from printer_slicer.contouring.paths import contour, find_contoured_paths
 from printer_slicer.contouring.rules import (
     add_contour_rule,
+    find_inexact_tops,
     join_contours,
-    level_inexact_layers,
     level_layers,
     make_contour_rule,
 )
@@ -37,10 +37,10 @@ __all__ = [
     "add_contour_rule",
     "contour",
     "find_contoured_paths",
+    "find_inexact_tops",
     "find_reached_areas",
     "find_tops",
     "join_contours",
-    "level_inexact_layers",
     "level_layers",
     "make_contour_rule",
     "measure_deviations",

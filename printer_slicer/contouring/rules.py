@@ -14,7 +14,7 @@ from printer_slicer.profile import Profile, UniformPlanner
 from printer_slicer.surface import layer_bounds, read_surface
 from printer_slicer.values import replace
 
-__all__ = ["add_contour_rule", "join_contours", "level_inexact_layers", "level_layers", "make_contour_rule"]
+__all__ = ["add_contour_rule", "find_inexact_tops", "join_contours", "level_layers", "make_contour_rule"]
 
 _ROUNDING: Final = 1e-7  # mm
 _HALF: Final = 0.5  # of a step of the z axis, to which z is rounded
@@ -56,38 +56,20 @@ def add_contour_rule(plan: LayerPlan, profile: Profile) -> LayerPlan:
     return replace(plan, contour_rule=make_contour_rule(profile)) if plan.containment == "mid" else plan
 
 
-def level_inexact_layers(
-    stacks: Sequence[ObjectStack], tolerances: Sequence[Float]
-) -> list[ObjectStack] | None:
-    """Return stacks in which layers whose printed extrusions break the tolerance are level; None if there are none.
-
-    Only layers that keep the tolerance when they are level.
-
-    Args:
-        stacks: as they are printed.
-        tolerances: (L,) for each stack, of each of its layers, mm.
-    """
-    tops = [
-        top
-        for stack, tolerance in zip(stacks, tolerances, strict=True)
-        for top in _find_inexact_tops(stack, tolerance)
-    ]
-    return [replace(one, plan=level_layers(one.plan, tops)) for one in stacks] if tops else None
-
-
-def _find_inexact_tops(stack: ObjectStack, tolerance: Float) -> list[float]:
+def find_inexact_tops(stack: ObjectStack, tolerance: Float) -> tuple[list[float], list[float]]:
     """Return the tops, mm, of the layers of a stack whose printed extrusions do not keep the tolerance (L,), mm.
 
-    With level tops, they do.
+    Those that keep it with level tops come first, and those that are too thick even then.
     """
     plan = stack.plan
     if stack.contours is None or plan.contour_rule is None:
-        return []
+        return [], []
     beyond = stack.contours.deviation > tolerance + _ROUNDING
     if not beyond.any():
-        return []
-    level = layer_bounds(read_surface(stack.mesh), replace(plan, contour_rule=None))
-    return [float(top) for top in plan.top[beyond & (level <= tolerance + _ROUNDING)]]
+        return [], []
+    level = layer_bounds(read_surface(stack.mesh), replace(plan, contour_rule=None)) <= tolerance + _ROUNDING
+    thick = beyond & ~level
+    return plan.top[beyond & level].tolist(), plan.top[thick].tolist()
 
 
 def join_contours(stack: ObjectStack, objects: Sequence[ObjectStack]) -> ObjectStack:

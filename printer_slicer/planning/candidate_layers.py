@@ -154,7 +154,7 @@ def _compute_bounds(
         # Both runs start at the cut, or at the far end if the layer is contained.
         start, turned = (first, n_cells - end) if contained else (first + cells, n_cells - first - cells)
         bound = np.maximum(up.take(start), down.take(turned)) + (2 * BESIDE if contained else 0.0)
-        yield np.maximum(bound, contours.bound_deviations(row)) if contours else bound
+        yield contours.bound_deviations(row, bound) if contours else bound
 
 
 class _VolumeErrors:

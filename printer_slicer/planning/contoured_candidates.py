@@ -13,7 +13,7 @@ from printer_slicer.model import ContourRule
 from printer_slicer.planning.height_grid import HeightGrid, HeightRow
 from printer_slicer.profile import Profile
 from printer_slicer.surface import Surface
-from printer_slicer.surface.contoured_tops import ShallowFacets
+from printer_slicer.surface.contoured_tops import ShallowFacets, measure_slopes
 from printer_slicer.surface.range_maximum import compute_range_maxima
 
 __all__ = ["ContouredCandidates", "list_contoured_candidates"]
@@ -34,9 +34,12 @@ class ContouredCandidates:
         rule: of contouring.
         grid: the grid of heights.
         slopes: (K,) steepest slope of each class, as tangents, ascending.
+        triangles: (F, 3, 3) mm, all facets.
     """
 
-    def __init__(self, facets: ShallowFacets, rule: ContourRule, grid: HeightGrid, slopes: Float) -> None:
+    def __init__(
+        self, facets: ShallowFacets, rule: ContourRule, grid: HeightGrid, slopes: Float, triangles: Float
+    ) -> None:
         self._rule, self._grid, self._slopes = rule, grid, slopes
         n = grid.cells * grid.n
         classes = facets.divide(slopes)
@@ -51,6 +54,8 @@ class ContouredCandidates:
         self._sloping = np.gradient(weighted, grid.cell, axis=1)
         steepest = [self._find_steepest(one.shadow.low, one.shadow.high, one.slope) for one in classes]
         self._steepest = np.concatenate([np.zeros((1, n)), np.maximum.accumulate(steepest, axis=0)])
+        low, high = triangles[:, :, 2].min(axis=1), triangles[:, :, 2].max(axis=1)
+        self._any_steepest = self._find_steepest(low, high, measure_slopes(triangles))
 
     def _find_steepest(self, low: Float, high: Float, slope: Float) -> Float:
         """Return the steepest slope of facets (m,) between two heights, mm, in each cell; 0 where there is none."""
@@ -72,19 +77,24 @@ class ContouredCandidates:
         changes += 2 * volume[row, (start + end) // 2]
         return np.asarray(changes + rule.width / 4 * (sloping[row, end] - sloping[row, half]))
 
-    def bound_deviations(self, row: HeightRow) -> Float:
-        """Return the deviation bounds (n,) of the contoured parts of all layers of one height, mm."""
-        size, length = self._grid.cells * row.height, 1
+    def bound_deviations(self, row: HeightRow, level: Float) -> Float:
+        """Return the deviation bounds (n,) of all layers of one height from those of level layers (n,), mm."""
         (most,) = self._rule.find_max_slopes(np.array([row.height * self._grid.unit]))
         n_classes = min(int(np.searchsorted(self._slopes, most - _ROUNDING)) + 1, len(self._slopes))
-        steepest = np.minimum(self._steepest[n_classes], most + _ROUNDING)
+        slope = self._find_largest(row, np.minimum(self._steepest[n_classes], most + _ROUNDING))
+        only_followed = self._find_largest(row, self._any_steepest) <= most + 2 * _ROUNDING
+        contoured = self._rule.bound_deviations(slope)
+        bound = np.where(only_followed, contoured, np.maximum(level, contoured))
+        return np.where((slope > 0) & (row.end > row.height), bound, level)
+
+    def _find_largest(self, row: HeightRow, value: Float) -> Float:
+        """Return the largest value (n,) of the cells (m,) of each layer of one height."""
+        size, length, value = self._grid.cells * row.height, 1, value.copy()
         while 2 * length <= size:
-            np.maximum(steepest[:-length], steepest[length:], out=steepest[:-length])
+            np.maximum(value[:-length], value[length:], out=value[:-length])
             length *= 2
         end = self._grid.cells * row.end
-        slope = np.maximum(steepest[end - size], steepest[end - length])
-        followed = (slope > 0) & (row.end > row.height)
-        return np.where(followed, self._rule.bound_deviations(slope), 0.0)
+        return np.maximum(value[end - size], value[end - length])
 
 
 def list_contoured_candidates(
@@ -97,4 +107,6 @@ def list_contoured_candidates(
     slopes = distinct(rule.find_max_slopes(np.array(heights) * grid.unit))
     slopes = slopes[distinct(np.linspace(0, len(slopes) - 1, _MOST_CLASSES).astype(np.int64))]
     facets = ShallowFacets.of_triangles(surface.triangles, float(slopes[-1]))
-    return ContouredCandidates(facets, rule, grid, slopes) if len(facets.slope) else None
+    if not len(facets.slope):
+        return None
+    return ContouredCandidates(facets, rule, grid, slopes, surface.triangles)

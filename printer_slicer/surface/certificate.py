@@ -174,7 +174,8 @@ def _analyse_mesh(mesh: Mesh) -> Surface:
 
 def layer_bounds(surface: Surface, plan: LayerPlan) -> Float:
     """Return the deviation bound (L,) of each layer of a plan, mm, without computing a whole certificate."""
-    bound, contours = np.maximum(*_bound_runs(surface, plan)), _find_contours(surface, plan)
+    contours = _find_contours(surface, plan)
+    bound = np.maximum(*_bound_level_parts(surface, plan, contours))
     return np.maximum(bound, contours.bound_deviations()) if contours else bound
 
 
@@ -185,6 +186,16 @@ def _find_contours(surface: Surface, plan: LayerPlan) -> ContouredLayers | None:
     from printer_slicer.surface.contoured_tops import ContouredLayers  # noqa: PLC0415 - off by default
 
     return ContouredLayers.of_triangles(surface.triangles, plan, plan.contour_rule)
+
+
+def _bound_level_parts(
+    surface: Surface, plan: LayerPlan, contours: ContouredLayers | None
+) -> tuple[Float, Float]:
+    """Return the same bounds (L,) as `_bound_runs`, mm, but 0 if all surfaces in a layer are contoured."""
+    rising, falling = _bound_runs(surface, plan)
+    if contours:
+        rising, falling = (np.where(contours.only_followed, 0.0, one) for one in (rising, falling))
+    return rising, falling
 
 
 def _bound_runs(surface: Surface, plan: LayerPlan) -> tuple[Float, Float]:
@@ -220,7 +231,8 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
             "cannot certify overlapping layers of different objects",
             remedy="Certify each of stages.stacks: ps.certify(ps.read_surface(stack.mesh), stack.plan)",
         )
-    rising, falling = _bound_runs(surface, plan)
+    contours = _find_contours(surface, plan)
+    rising, falling = _bound_level_parts(surface, plan, contours)
     top = plan.top
     missing = max(surface.height - float(top[-1]), 0.0)
     volume = _bound_volumes(surface, plan)
@@ -235,7 +247,6 @@ def certify(surface: Surface, plan: LayerPlan) -> Certificate:
         surface.area,
         _find_worst_layer(surface, plan, rising, falling, missing),
     )
-    contours = _find_contours(surface, plan)
     return _add_contours(level, surface, contours) if contours else level
 
 

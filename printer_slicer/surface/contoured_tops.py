@@ -14,6 +14,9 @@ surface under its centre line, but not below z0 + a, and it is level across its 
   (w / 2) sin(slope) around p, and the surface passes from B to the other side of p. So it reaches the ball: the
   deviation is at most (w / 2) sin(slope), plus the tolerance of the nozzle's z. Below z0 + a it is at most a / 2, plus
   this tolerance.
+
+Where a layer is wrong, the vertical line there crosses a facet in the layer that is not vertical. If only followed
+facets are in the layer, the bound of level layers does not count.
 """
 
 from __future__ import annotations
@@ -22,15 +25,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, distinct, frozen_array
+from printer_slicer.arrays import Bool, Float, Int, distinct, frozen_array
 from printer_slicer.model import ContourRule, LayerPlan
 from printer_slicer.surface.range_maximum import compute_range_maxima
 from printer_slicer.surface.shadow import Shadow
 from printer_slicer.values import Struct, force_setattr
 
-__all__ = ["ContouredLayers", "ShallowFacets", "select_shallow_facets"]
+__all__ = ["ContouredLayers", "ShallowFacets", "measure_slopes", "select_shallow_facets"]
 
 _NO_AREA = 1e-9  # mm²
+_LEAN = 2e-5  # mm; a facet whose ends differ by less than this seen from above is vertical
 _ROUNDING = 1e-6  # mm, and tangents
 
 
@@ -93,6 +97,18 @@ def select_shallow_facets(triangles: Float, steepest: float) -> tuple[Int, Float
     return some[shallow], slope[shallow], twice[shallow] / 2
 
 
+def measure_slopes(triangles: Float) -> Float:
+    """Return the slopes (F,) of facets (F, 3, 3) as tangents: 0 if vertical, infinite if they face down."""
+    twice = _cross_sides(triangles, 0, 1)
+    rise = np.hypot(_cross_sides(triangles, 1, 2), _cross_sides(triangles, 2, 0))
+    height = np.ptp(triangles[:, :, 2], axis=1)
+    # The ends of a steep facet are height / slope apart seen from above.
+    is_vertical = (rise > np.abs(twice)) & (height * np.abs(twice) < _LEAN * rise)
+    is_vertical |= np.abs(twice) <= _NO_AREA
+    slope = np.where(twice > 0, rise / np.maximum(twice, _NO_AREA), np.inf)
+    return np.asarray(np.where(is_vertical, 0.0, slope))
+
+
 def _cross_sides(triangles: Float, x: int, y: int) -> Float:
     """Return the cross product (n,) of two sides of triangles (n, 3, 3) in the plane of two axes."""
     (ax, ay), (bx, by), (cx, cy) = ((triangles[:, corner, x], triangles[:, corner, y]) for corner in range(3))
@@ -106,11 +122,13 @@ class ContouredLayers(Struct, frozen=True, eq=False):
         plan: the layers.
         rule: of contouring.
         groups: layers (n,) of each group, ascending, and the facets that are contoured there.
+        only_followed: (L,) whether extrusions follow all facets in the layer that are not vertical.
     """
 
     plan: LayerPlan
     rule: ContourRule
     groups: tuple[tuple[Int, ShallowFacets], ...]
+    only_followed: Bool
 
     @classmethod
     def of_triangles(cls, triangles: Float, plan: LayerPlan, rule: ContourRule) -> ContouredLayers:
@@ -120,13 +138,17 @@ class ContouredLayers(Struct, frozen=True, eq=False):
         above = (plan.bottom > _ROUNDING) & rule.find_contoured(plan.top)
         steepest = distinct(slope[above]).tolist() if len(facets.slope) else []
         groups = ((np.flatnonzero(above & (slope == one)), facets.take_up_to(one)) for one in steepest)
-        return cls(plan, rule, tuple(groups))
+        low, high = triangles[:, :, 2].min(axis=1), triangles[:, :, 2].max(axis=1)
+        found = _find_largest(low, high, measure_slopes(triangles), plan.bottom, plan.top)
+        return cls(plan, rule, tuple(groups), above & (found <= slope + _ROUNDING))
 
     def bound_deviations(self) -> Float:
         """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
         result = np.zeros(self.plan.n_layers)
         for layers, facets in self.groups:
-            result[layers] = _bound_runs(facets, self.rule, self.plan.bottom[layers], self.plan.top[layers])
+            shadow, bottom, top = facets.shadow, self.plan.bottom[layers], self.plan.top[layers]
+            deviation = self.rule.bound_deviations(facets.slope)
+            result[layers] = _find_largest(shadow.low, shadow.high, deviation, bottom, top)
         return result
 
     def compute_volume_changes(self) -> Float:
@@ -145,21 +167,20 @@ class ContouredLayers(Struct, frozen=True, eq=False):
         return int(facets.facet[reaches][-1])
 
 
-def _bound_runs(facets: ShallowFacets, rule: ContourRule, bottom: Float, top: Float) -> Float:
-    """Return the deviation bounds (n,) of the contoured parts of layers, mm.
+def _find_largest(low: Float, high: Float, value: Float, bottom: Float, top: Float) -> Float:
+    """Return the largest value (n,) of the facets that reach into each layer; 0 where there are none.
 
     Args:
-        facets: those that are contoured in these layers.
-        rule: of contouring.
+        low: (m,) of the facets, mm.
+        high: (m,) mm.
+        value: (m,) at least 0.
         bottom: (n,) of the layers, mm, ascending.
         top: (n,) mm, ascending.
     """
-    shadow = facets.shadow
-    first = np.searchsorted(top, shadow.low + _ROUNDING, side="right")
-    last = np.searchsorted(bottom, shadow.high - _ROUNDING, side="left") - 1
+    first = np.searchsorted(top, low + _ROUNDING, side="right")
+    last = np.searchsorted(bottom, high - _ROUNDING, side="left") - 1
     some = first <= last
-    deviation = rule.bound_deviations(facets.slope[some])
-    return compute_range_maxima(first[some], last[some], deviation, len(top))
+    return compute_range_maxima(first[some], last[some], value[some], len(top))
 
 
 def _sum_volume_changes(

@@ -13,6 +13,7 @@ from printer_slicer.planning.candidate_layers import CandidateLayers
 from printer_slicer.planning.height_grid import HeightGrid
 from printer_slicer.planning.z_steps import ZSteps
 from printer_slicer.surface import certify, read_surface
+from printer_slicer.surface.contoured_tops import measure_slopes
 from printer_slicer.values import replace
 from tests.contoured_parts import wedge as make_wedge
 from tests.parts import box, joined, layers, profile, pyramid, sphere
@@ -49,14 +50,35 @@ def test_the_volume_error_of_a_wedge_is_that_of_its_columns(slope_deg: float, he
     assert found.volume_error == pytest.approx(sum_columns(plan, slope, 30.0, 10.0), rel=2e-3)
 
 
-def test_the_deviation_is_that_of_half_a_width_or_of_level_layers() -> None:
+def test_the_deviation_is_that_of_half_a_width() -> None:
     mesh, plan = wedge(10.0), layers(31, 0.2)
     half = WIDTH / 2 * np.sin(np.deg2rad(10)) + RULE.tolerance
     for rule, contoured_bound in ((RULE, half), (replace(RULE, min_height=0.2), 0.1 + RULE.tolerance)):
         level, found = (certify(read_surface(mesh), one).bound for one in (plan, contoured(plan, rule)))
         sloped = plan.bottom >= 1.0 - 1e-9
-        assert found[sloped] == pytest.approx(np.maximum(level[sloped], contoured_bound))
+        assert found[sloped] == pytest.approx(contoured_bound)
         assert np.array_equal(found[~sloped], level[~sloped])
+
+
+def test_level_layers_count_where_another_surface_is_in_the_layer() -> None:
+    plan = layers(28, 0.2)
+    steep = pyramid(10.0, 3.0).moved((60.0, 0.0, 0.0))  # up to z = 3
+    mesh = joined([wedge(10.0), steep])
+    level, found = (certify(read_surface(mesh), one).bound for one in (plan, contoured(plan)))
+    half = WIDTH / 2 * np.sin(np.deg2rad(10)) + RULE.tolerance
+    beside = (plan.bottom >= 1.0 - 1e-9) & (plan.bottom < 3.0 - 1e-9)
+    assert found[beside] == pytest.approx(np.maximum(level[beside], half))
+    assert found[plan.bottom >= 3.0 - 1e-9] == pytest.approx(half)
+    assert level[beside].min() > half
+
+
+def test_facets_that_lean_by_rounding_only_are_vertical() -> None:
+    corners = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, lean, 9.0]] for lean in (0.0, 5e-6, -5e-6)])
+    assert (measure_slopes(corners) == 0).all()
+    up = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+    level = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    found = measure_slopes(np.stack([up, up[::-1], level, level[::-1]]))
+    assert found == pytest.approx([1.0, np.inf, 0.0, np.inf])
 
 
 def test_the_worst_layer_names_a_contoured_facet() -> None:
