@@ -34,13 +34,19 @@ def terrain(z: Float) -> Mesh:
     return Mesh(np.concatenate(facets), "terrain")
 
 
+def even_layers(height: float, n: int, rule: ContourRule) -> LayerPlan:
+    """Contoured layers of one height, mm, on a first one of 0.2 mm."""
+    tops: Float = np.asarray(0.2 + height * np.arange(n), np.float64)
+    return replace(LayerPlan.from_tops(tops), contour_rule=rule)
+
+
 def height_at(z: Float, xy: Float) -> Float:
     """The height (n,) of a terrain at points (n, 2)."""
     at = xy / SIDE * (N - 1)
     cell = np.floor(at).astype(np.int64).clip(0, N - 2)
     x, y = (at - cell).T
     a, b, c, d = (z[cell[:, 0] + i, cell[:, 1] + j] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    return np.where(x >= y, a + x * (b - a) + y * (c - b), a + x * (c - d) + y * (d - a))
+    return np.asarray(np.where(x >= y, a + x * (b - a) + y * (c - b), a + x * (c - d) + y * (d - a)))
 
 
 def sample_wrong_points(z: Float, plan: LayerPlan, n: int, rng: np.random.Generator) -> tuple[Float, Int]:
@@ -72,8 +78,8 @@ def test_no_sampled_point_exceeds_the_bound_of_layers_that_are_followed(seed: in
     z += 0.3 - min(float(z.min()) - 0.6, 0.0)
     mesh = terrain(z)
     height = rng.uniform(0.2, 0.6)
-    tops = 0.2 + height * np.arange(int((z.max() - 0.2) / height) + 2)
-    plan = replace(LayerPlan.from_tops(tops), contour_rule=replace(RULE, max_slope=1.0))
+    n_layers = int((z.max() - 0.2) / height) + 2
+    plan = even_layers(height, n_layers, replace(RULE, max_slope=1.0))
     bounds = layer_bounds(read_surface(mesh), plan)
     points, layer = sample_wrong_points(z, plan, 4000, rng)
     distance = distance_to_mesh(points, mesh, 1.0)
@@ -86,8 +92,7 @@ def test_no_sampled_point_exceeds_the_bound_of_layers_that_are_followed(seed: in
 
 def test_points_beside_extrusions_come_close_to_the_bound() -> None:
     z = 1.0 + np.linspace(0, SIDE * 0.4, N)[:, None] + np.zeros((1, N))
-    mesh, plan = terrain(z), LayerPlan.from_tops(0.3 * np.arange(1, 13))
-    plan = replace(plan, contour_rule=replace(RULE, max_slope=0.5))
+    mesh, plan = terrain(z), even_layers(0.3, 12, replace(RULE, max_slope=0.5))
     bounds = layer_bounds(read_surface(mesh), plan)
     points, layer = sample_wrong_points(z, plan, 20_000, np.random.default_rng(1))
     share = distance_to_mesh(points, mesh, 1.0) / bounds[layer]
