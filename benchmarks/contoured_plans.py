@@ -57,7 +57,7 @@ def compare(level: Float, minutes: float, error: float) -> str:
     time, mean = level[np.argsort(level[:, 0]), :2].T
     at_error = float(np.interp(-error, -mean, time, np.nan, np.nan))
     at_time = float(np.interp(minutes, time, mean, np.nan, np.nan))
-    return f"{minutes / at_error - 1:+.1%} | {error / at_time - 1:+.1%}"
+    return f"{minutes / at_error - 1:+.1%} | {error / at_time - 1:+.1%}".replace("+nan%", "-")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

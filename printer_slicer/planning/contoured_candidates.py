@@ -53,9 +53,11 @@ class ContouredCandidates:
         weighted = tabulate([one.weigh_by_slope().area_integral_on_lattice(grid.cell, n) for one in classes])
         self._sloping = np.gradient(weighted, grid.cell, axis=1)
         steepest = [self._find_steepest(one.shadow.low, one.shadow.high, one.slope) for one in classes]
-        self._steepest = np.concatenate([np.zeros((1, n)), np.maximum.accumulate(steepest, axis=0)])
+        # Number of cells with such facets below each border between cells.
+        self._occupied = np.append(0, np.cumsum(np.max(steepest, axis=0) > 0))
+        self._steepest = [_RunMaxima(one) for one in np.maximum.accumulate(steepest, axis=0)]
         low, high = triangles[:, :, 2].min(axis=1), triangles[:, :, 2].max(axis=1)
-        self._any_steepest = self._find_steepest(low, high, measure_slopes(triangles))
+        self._any_steepest = _RunMaxima(self._find_steepest(low, high, measure_slopes(triangles)))
 
     def _find_steepest(self, low: Float, high: Float, slope: Float) -> Float:
         """Return the steepest slope of facets (m,) between two heights, mm, in each cell; 0 where there is none."""
@@ -66,9 +68,17 @@ class ContouredCandidates:
 
     def compute_volume_changes(self, first: Int, last: Int) -> Float:
         """Return by how much contouring changes the volume errors of layers between nodes (m,), mm³."""
+        result = np.zeros(len(first))
+        start, end = self._grid.cells * first, self._grid.cells * last
+        some = np.flatnonzero((self._occupied.take(end) > self._occupied.take(start)) & (first > 0))
+        result[some] = self._sum_volume_changes(first[some], last[some])
+        return result
+
+    def _sum_volume_changes(self, first: Int, last: Int) -> Float:
+        """Return the same for layers that are not the first, and that shallow facets reach."""
         grid, rule = self._grid, self._rule
         slope = rule.find_max_slopes(np.asarray((last - first) * grid.unit, np.float64))
-        row = np.where(first > 0, np.searchsorted(self._slopes, slope + _ROUNDING, side="right"), 0)
+        row = np.searchsorted(self._slopes, slope + _ROUNDING, side="right")
         start, end = grid.cells * first, grid.cells * last
         least = np.minimum(round(rule.min_height / grid.cell), end - start)
         half = start + least // 2
@@ -80,21 +90,33 @@ class ContouredCandidates:
     def bound_deviations(self, row: HeightRow, level: Float) -> Float:
         """Return the deviation bounds (n,) of all layers of one height from those of level layers (n,), mm."""
         (most,) = self._rule.find_max_slopes(np.array([row.height * self._grid.unit]))
-        n_classes = min(int(np.searchsorted(self._slopes, most - _ROUNDING)) + 1, len(self._slopes))
-        slope = self._find_largest(row, np.minimum(self._steepest[n_classes], most + _ROUNDING))
-        only_followed = self._find_largest(row, self._any_steepest) <= most + 2 * _ROUNDING
+        last_class = min(int(np.searchsorted(self._slopes, most - _ROUNDING)), len(self._slopes) - 1)
+        end, size = self._grid.cells * row.end, self._grid.cells * row.height
+        slope = np.minimum(self._steepest[last_class].find(end, size), most + _ROUNDING)
+        only_followed = self._any_steepest.find(end, size) <= most + 2 * _ROUNDING
         contoured = self._rule.bound_deviations(slope)
         bound = np.where(only_followed, contoured, np.maximum(level, contoured))
         return np.where((slope > 0) & (row.end > row.height), bound, level)
 
-    def _find_largest(self, row: HeightRow, value: Float) -> Float:
-        """Return the largest value (n,) of the cells (m,) of each layer of one height."""
-        size, length, value = self._grid.cells * row.height, 1, value.copy()
-        while 2 * length <= size:
-            np.maximum(value[:-length], value[length:], out=value[:-length])
-            length *= 2
-        end = self._grid.cells * row.end
-        return np.maximum(value[end - size], value[end - length])
+
+class _RunMaxima:
+    """The largest values of runs of cells.
+
+    Args:
+        value: (n,) of each cell.
+    """
+
+    def __init__(self, value: Float) -> None:
+        self._levels = [value]  # the largest value of 2^k cells, by the first one
+
+    def find(self, end: Int, size: int) -> Float:
+        """Return the largest values (m,) of runs of `size` cells up to the borders `end` (m,)."""
+        level = size.bit_length() - 1
+        while len(self._levels) <= level:
+            shorter, half = self._levels[-1], 1 << (len(self._levels) - 1)
+            self._levels.append(np.maximum(shorter[:-half], shorter[half:]))
+        value = self._levels[level]
+        return np.maximum(value.take(end - size), value.take(end - (1 << level)))
 
 
 def list_contoured_candidates(

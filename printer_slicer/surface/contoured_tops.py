@@ -99,9 +99,12 @@ def select_shallow_facets(triangles: Float, steepest: float) -> tuple[Int, Float
 
 def measure_slopes(triangles: Float) -> Float:
     """Return the slopes (F,) of facets (F, 3, 3) as tangents: 0 if vertical, infinite if they face down."""
-    twice = _cross_sides(triangles, 0, 1)
-    rise = np.hypot(_cross_sides(triangles, 1, 2), _cross_sides(triangles, 2, 0))
-    height = np.ptp(triangles[:, :, 2], axis=1)
+    x, y, z = np.ascontiguousarray(triangles.transpose(2, 1, 0))  # (3, F): columns are read faster
+    (ax, bx), (ay, by), (az, bz) = ((one[1] - one[0], one[2] - one[0]) for one in (x, y, z))
+    twice = ax * by - ay * bx
+    normal_x, normal_y = ay * bz - az * by, az * bx - ax * bz
+    rise = np.sqrt(normal_x * normal_x + normal_y * normal_y)
+    height = np.maximum(np.maximum(z[0], z[1]), z[2]) - np.minimum(np.minimum(z[0], z[1]), z[2])
     # The ends of a steep facet are height / slope apart seen from above.
     is_vertical = (rise > np.abs(twice)) & (height * np.abs(twice) < _LEAN * rise)
     is_vertical |= np.abs(twice) <= _NO_AREA
