@@ -1,12 +1,18 @@
 """Measure how near a print is to its model, from G-code, with the tops of contoured layers.
 
     python -m benchmarks.contouring sample FILE.gcode MODEL.stl [--points N] [--seed N] [--pressed MM]
+    python -m benchmarks.contouring table [--points N] [--rounds N] [MODEL ...]
 
-Prints the mean distance of points drawn evenly from the surface of the model to the printed solid: of all points, and
-of those on surfaces that face up with a slope of up to 45 degrees, flats left out. The printed solid has the section of
-each layer, up to the top of the nearest extrusion. Layers, sections and position are those of `check --model`.
-`--pressed` assumes the worst of a nozzle with a level underside of this diameter: later extrusions of a layer press
-down all that is higher within it.
+`sample` prints the mean distance of points drawn evenly from the surface of the model to the printed solid: of all
+points, and of those on surfaces that face up with a slope of up to 45 degrees, flats left out. The printed solid has
+the section of each layer, up to the top of the nearest extrusion. Layers, sections and position are those of
+`check --model`. `--pressed` assumes the worst of a nozzle with a level underside of this diameter: later extrusions of
+a layer press down all that is higher within it.
+
+`table` slices wedges of 5 to 20 degrees, a cap of a sphere, a box and the given models with level tops and with
+contoured ones, in layers of 0.2 mm and with `adaptive`. It prints these distances, the print time of the moves, the
+number of moves, the findings of `check --model`, whether the G-code differs, and the CPU time of slicing: the median of
+the ratios of all rounds, in each of which one follows the other.
 """
 
 from __future__ import annotations
@@ -16,21 +22,30 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
+from time import process_time
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, consecutive
 from printer_slicer.deviation import Deviation, LocalTops, measure_deviation
+from printer_slicer.extrusion import move_seconds
+from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry.segment_index import SegmentIndex
 from printer_slicer.healing import repair
-from printer_slicer.inspection.coverage.model_check import place_sections, read_gcode_extrusions
+from printer_slicer.inspection.coverage.model_check import check_gcode, place_sections, read_gcode_extrusions
 from printer_slicer.inspection.coverage.stack import Stack
 from printer_slicer.inspection.deposition.marks import NOT_PART
 from printer_slicer.mesh_io import load_mesh
 from printer_slicer.model import LayerPlan, Mesh, Sections
+from printer_slicer.pipeline import slice_part
+from printer_slicer.profile import load_profile
+from tests.contoured_parts import dome, wedge
+from tests.parts import box
 
 _MAX_GRADIENT = 1.0  # mm per mm, of shallow tops
 _PIECE = 0.25  # mm, longest piece that is pressed down as one
+_UNIFORM = {"quality.planner.kind": "uniform", "quality.layer_height": 0.2}
 _MIN_GRADIENT = 1e-3  # mm per mm; less is flat
 
 
@@ -124,6 +139,74 @@ def _find_tops(part: Mesh, points: Float) -> Bool:
     return ~np.isnan(height) & (gradient <= _MAX_GRADIENT) & (gradient >= _MIN_GRADIENT)
 
 
+@dataclass(frozen=True, slots=True)
+class Print:
+    """A sliced part.
+
+    Attributes:
+        gcode: its G-code.
+        minutes: of its moves.
+        moves: their number.
+        cpu: s of slicing.
+    """
+
+    gcode: bytes
+    minutes: float
+    moves: int
+    cpu: float
+
+
+def _print_table(models: Sequence[Path], n_points: int, rounds: int) -> None:
+    """Print one row for each part and quality."""
+    wedges = [wedge(angle, (30.0, 30.0)) for angle in (5.0, 10.0, 15.0, 20.0)]
+    parts = [*wedges, dome(), box((20.0, 15.0, 6.0)), *(repair(load_mesh(path))[0] for path in models)]
+    print(
+        "| part | layers | tops µm | pressed by a flat of 1 mm µm | whole part µm | print time min | moves "
+        "| findings | CPU |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for mesh in parts:
+        for quality in ("0.2 mm", "adaptive"):
+            print(_make_row(mesh, quality, n_points, rounds), flush=True)
+
+
+def _make_row(mesh: Mesh, quality: str, n_points: int, rounds: int) -> str:
+    """Return the row of a part."""
+    made = [[_slice(mesh, quality, contoured=on) for on in (False, True)] for _ in range(rounds)]
+    level, contoured = made[0]
+    start = f"| {mesh.name} | {quality} "
+    if level.gcode == contoured.gcode:
+        return (
+            f"{start}| same G-code | | | {level.minutes:.2f} | {level.moves} | | {_median_ratio(made):+.0%} |"
+        )
+    free = [sample(one.gcode, mesh, n_points) for one in made[0]]
+    pressed = sample(contoured.gcode, mesh, n_points, pressed=1.0)
+    found = len(check_gcode(contoured.gcode, mesh).findings)
+    tops, whole = [1000 * one.tops for one in free], [1000 * one.deviation.mean for one in free]
+    return (
+        f"{start}| {tops[0]:.1f} → {tops[1]:.1f} | {1000 * pressed.tops:.1f} | {whole[0]:.1f} → {whole[1]:.1f} "
+        f"| {level.minutes:.2f} → {contoured.minutes:.2f} ({contoured.minutes / level.minutes - 1:+.1%}) "
+        f"| {contoured.moves / level.moves - 1:+.0%} | {found} | {_median_ratio(made):+.0%} |"
+    )
+
+
+def _slice(mesh: Mesh, quality: str, *, contoured: bool) -> Print:
+    """Slice a part."""
+    uniform = {} if quality == "adaptive" else _UNIFORM
+    changes = {"quality.z_contouring": contoured, **uniform}
+    profile = load_profile("marlin_220", "pla", "standard" if uniform else quality, changes)
+    start = process_time()
+    program = slice_part(mesh, profile)
+    cpu = process_time() - start
+    minutes = float(move_seconds(program, profile).sum()) / 60
+    return Print(gcode_of(program, profile), minutes, program.n_moves, cpu)
+
+
+def _median_ratio(made: Sequence[Sequence[Print]]) -> float:
+    """Return how much more CPU time slicing with contoured tops takes."""
+    return median(contoured.cpu / level.cpu for level, contoured in made) - 1
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the distances of one file."""
     parser = argparse.ArgumentParser(prog="benchmarks.contouring", description=__doc__.split("\n")[0])
@@ -134,7 +217,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     one.add_argument("--points", type=int, default=20_000)
     one.add_argument("--seed", type=int, default=0)
     one.add_argument("--pressed", type=float, default=0.0, metavar="MM")
+    table = commands.add_parser("table", help="level and contoured tops of several parts")
+    table.add_argument("models", nargs="*", type=Path)
+    table.add_argument("--points", type=int, default=20_000)
+    table.add_argument("--rounds", type=int, default=5)
     options = parser.parse_args(argv)
+    if "gcode" not in options:
+        _print_table(options.models, options.points, options.rounds)
+        return 0
     mesh = repair(load_mesh(options.model))[0]
     text = options.gcode.read_bytes()
     found = sample(text, mesh, options.points, options.seed, pressed=options.pressed)

@@ -18,7 +18,7 @@ from tests.parts import box, plain
 
 # Mean distance of the tops, µm: less than a quarter of the layer height, and of the step from bead to bead.
 LEVEL = {5: 45.3, 10: 42.5, 15: 39.5, 20: 36.8}
-CONTOURED = {5: 7.0, 10: 13.5, 15: 19.5, 20: 20.0}
+CONTOURED = {5: 7.0, 10: 13.5, 15: 19.5, 20: 23.0}
 
 
 def test_pressing_adds_to_the_distance_where_higher_walls_are_laid_first() -> None:
@@ -77,6 +77,14 @@ def test_lowered_paths_count() -> None:
 
     assert lowered.mean < 0.8 * level.mean
     assert np.array_equal(lowered.points, level.points)
+
+
+def test_paths_that_are_lowered_evenly_count() -> None:
+    """The top layer of this wedge is one extrusion along the slope's contour line."""
+    paths = slice_stages(wedge(10).mesh, plain(z_contouring=True)).toolpaths
+    even = replace(paths, z_offset=np.where(paths.layer[paths.path_of_point] == 2, -0.05, 0.0))
+
+    assert np.unique(LocalTops.of_paths(even).layer).tolist() == [2]
 
 
 def test_level_paths_and_scarf_seams_have_no_local_tops() -> None:

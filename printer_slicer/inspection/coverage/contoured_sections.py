@@ -7,6 +7,7 @@ and a class counts if contoured extrusions cover most of its surface. Layers wit
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -62,8 +63,8 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
     size = weighted_median(beads.width, beads.length), find_least_height(stack)
     shallow = [select_shallow_facets(part.triangles, _MAX_GRADIENT)[:2] for part in parts]
     facets = [(part.triangles[facet], slope) for part, (facet, slope) in zip(parts, shallow, strict=True)]
-    for one in range(_N_CLASSES):
-        slope = _project_class(facets, stack, one, size).of_layers(has_contours)
+    for one, is_edge in product(range(_N_CLASSES), (False, True)):
+        slope = _project_class(facets, stack, one, size, is_edge=is_edge).of_layers(has_contours)
         slope = difference(slope, sections)
         area = float(slope.area().sum())
         if area > 0 and intersection(slope, printed).area().sum() > _MIN_COVERED * area:
@@ -72,15 +73,21 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
 
 
 def _project_class(
-    facets: Sequence[tuple[Float, Float]], stack: Stack, number: int, size: tuple[float, float]
+    facets: Sequence[tuple[Float, Float]],
+    stack: Stack,
+    number: int,
+    size: tuple[float, float],
+    *,
+    is_edge: bool,
 ) -> Areas:
-    """Return the surface of a class of slopes in the lower half of each layer.
+    """Return the surface of a class of slopes in the lower half of each layer, from half the least height on.
 
     Args:
         facets: shallow facets (n, 3, 3) that face up, and their slopes (n,) as tangents, of each group of the stack.
         stack: layers of the file.
         number: of the class, from 0.
         size: width and least height of contoured extrusions, mm.
+        is_edge: return the surface below that instead, down to `_find_edge_height`.
     """
     width, least = size
     found = [Areas.empty(stack.n_layers)]
@@ -92,18 +99,20 @@ def _project_class(
             chosen = (steepness >= number) & (steepness < number + 1)
             if not chosen.any():
                 continue
-            low = stack.bottom[layers] + _find_edge_height(least, width, number * _CLASS * height / width)
-            high = np.maximum(stack.bottom[layers] + height / 2, low)
-            slabs = normalize(project_slabs(triangles[chosen], low, high))
+            low, high = least / 2, max(height / 2, least / 2)
+            if is_edge:
+                low, high = _find_edge_height(least, width, number * _CLASS * height / width), low
+            bottom = stack.bottom[layers]
+            slabs = normalize(project_slabs(triangles[chosen], bottom + low, bottom + high))
             found.append(slabs.on_layers(layers, stack.n_layers))
     return Areas.merged(found)
 
 
 def _find_edge_height(least: float, width: float, gradient: float) -> float:
-    """Return the height of the surface above the bottom of a layer where its section ends on a slope, mm.
+    """Return the height of the surface above the bottom of a layer where its section may end on a slope, mm.
 
-    It is half of the least height of extrusions. On steep slopes no extrusion is that low: the centre line of the
-    lowest one is half a width from the edge, so the surface at the edge is lower than the lowest height in the file.
+    Usually that is half of the least height of extrusions. On steep slopes no extrusion is that low, because the lowest
+    centre line is half a width from the edge. So the surface at the edge is lower than the lowest height in the file.
     """
     return min(least / 2, max(least - width / 2 * gradient, _LOWEST_EDGE))
 
