@@ -46,7 +46,7 @@ def prusa_supports(profile: Profile, style: str, *, skip_bridges: bool) -> dict[
         "support-material-speed": profile.speeds.support,
         "support-material-interface-speed": profile.speeds.support_interface or profile.speeds.support,
         "support-material-closing-radius": 2 * quality.support_closing,
-        "raft-first-layer-expansion": quality.support_foot,
+        "raft-first-layer-expansion": quality.support_first_layer_expansion,
         "max-layer-height": quality.support_layer_max or 0.75 * profile.printer.nozzle_diameter,
     }
     switches = [
@@ -89,8 +89,8 @@ def cura_supports(profile: Profile, structure: str) -> dict[str, object]:
         "support_roof_line_distance": width + quality.support_interface_spacing,
         "support_bottom_line_distance": width + quality.support_interface_spacing,
         "support_interface_pattern": "zigzag",
-        "support_brim_enable": quality.support_foot > 0,
-        "support_brim_width": quality.support_foot,
+        "support_brim_enable": quality.support_first_layer_expansion > 0,
+        "support_brim_width": quality.support_first_layer_expansion,
         "support_tree_angle": quality.support_tree_angle_deg,
         "support_tree_branch_diameter": quality.support_branch_diameter,
         "support_tree_branch_diameter_angle": quality.support_branch_growth_deg,

@@ -184,7 +184,7 @@ def _find_start_heights(demands: Sequence[tuple[Overhangs, Profile]], sections: 
         demands: overhangs, with the profile of each.
         sections: all objects.
     """
-    if demands[0][1].quality.support_sync:
+    if demands[0][1].quality.support_synchronize_layers:
         return None
     from printer_slicer.supports.upward_faces import find_upward_faces  # noqa: PLC0415
 

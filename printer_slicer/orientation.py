@@ -45,8 +45,9 @@ def orient(mesh: Mesh, profile: Profile, *, search: Search = "fast", keep_up: fl
 
     Args:
         mesh: the part; its objects are turned together.
-        profile: printer, material and quality. `quality.support_gram_price` and `quality.surface_price` weigh support
-            and surface against print time. Overhangs count as supported, whether or not `quality.support` is off.
+        profile: printer, material and quality. `quality.support_minutes_per_gram` and `quality.surface_price` weigh
+            support and surface against print time. Overhangs count as supported, whether or not `quality.support` is
+            off.
         search: "fast" compares estimates; "careful" also slices the best orientations, without overrides.
         keep_up: largest angle by which the z axis of the part may be tilted, degrees; below 90, its top never faces
             down.

@@ -50,9 +50,9 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
         "on_bed_mm2": round(float(area.area()[:1].sum()), 3),
         "on_part_mm2": round(_measure_area_on_part(supports, area, stages.sections), 3),
         "largest_gap_error_mm": round(supports.plan.flat_gap_error, 6),
-        "bare_mm2": round(sum(place.area for place in supports.unsupported), 3),
-        "bare_islands": sum(place.is_island for place in supports.unsupported),
-        "bare": _list_largest(supports.unsupported, stages),
+        "unsupported_mm2": round(sum(place.area for place in supports.unsupported), 3),
+        "unsupported_islands": sum(place.is_island for place in supports.unsupported),
+        "unsupported_places": _list_largest(supports.unsupported, stages),
         "grips": _list_grips(supports, stages),
         "slim": _list_slim_pieces(supports, stages),
     }
@@ -85,9 +85,9 @@ def _measure_area_on_part(supports: Supports, area: Areas, part: Sections) -> fl
     return float(intersection(begins, part.solid.copy_layers(below)).area().sum())
 
 
-def _list_largest(bare: tuple[UnsupportedPlace, ...], stages: Stages) -> list[dict[str, Any]]:
+def _list_largest(unsupported: tuple[UnsupportedPlace, ...], stages: Stages) -> list[dict[str, Any]]:
     """Return the largest places without support, islands first."""
-    places = sorted(bare, key=lambda place: (not place.is_island, -place.area))[:_MOST_LISTED]
+    places = sorted(unsupported, key=lambda place: (not place.is_island, -place.area))[:_MOST_LISTED]
     shift = stages.shift.tolist()
     return [
         {
@@ -146,14 +146,18 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     )
     amount = f"{format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
     lines = ["Supports: none can be printed" if name == "none" else f"Supports ({name}): {amount}"]
-    for place in facts["bare"][:_MOST_PLACES]:
+    for place in facts["unsupported_places"][:_MOST_PLACES]:
         what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"
         lines.append(
             f"Unsupported: {what} at x, y, z {place['x']:.1f}, {place['y']:.1f}, {place['z']:.1f}: {place['reason']}"
         )
-    if len(facts["bare"]) > _MOST_PLACES:
-        islands = f", {format_count(facts['bare_islands'], 'island')}" if facts["bare_islands"] else ""
-        lines.append(f"Unsupported in total: {format_significant(facts['bare_mm2'])} mm²{islands}")
+    if len(facts["unsupported_places"]) > _MOST_PLACES:
+        islands = (
+            f", {format_count(facts['unsupported_islands'], 'island')}"
+            if facts["unsupported_islands"]
+            else ""
+        )
+        lines.append(f"Unsupported in total: {format_significant(facts['unsupported_mm2'])} mm²{islands}")
     if facts["grips"]:
         first, count = facts["grips"][0], format_count(len(facts["grips"]), "ring")
         where = f"at z {first['z_min']:.1f} to {first['z_max']:.1f}, x, y {first['x']:.1f}, {first['y']:.1f}"
@@ -163,6 +167,6 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
         size = f"{first['height_mm']:.1f} mm high on {format_significant(first['foot_mm2'])} mm²"
         lines.append(
             f"May fall over: {count}, the slimmest {size} at x, y {first['x']:.1f}, {first['y']:.1f}; "
-            "increase support_foot"
+            "increase support_first_layer_expansion"
         )
     return lines

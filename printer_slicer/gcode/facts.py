@@ -103,7 +103,7 @@ def _collect_support_facts(profile: Profile) -> dict[str, Value]:
         "support_material_auto": quality.support_places == "all",
         "support_material_buildplate_only": quality.support_on_bed_only,
         "support_on_build_plate_only": quality.support_on_bed_only,
-        "support_material_synchronize_layers": quality.support_sync,
+        "support_material_synchronize_layers": quality.support_synchronize_layers,
         "dont_support_bridges": quality.support_max_bridge > 0,
     }
     return {**numbers, **flags}

@@ -70,13 +70,15 @@ def convert_supports(conversion: Conversion, height: float, width: float) -> Non
         conversion.put("support_max_bridge", _MAX_BRIDGE if is_left_out else 0, "dont_support_bridges", how)
     for ours, theirs in (
         ("support_on_bed_only", "support_material_buildplate_only"),
-        ("support_sync", "support_material_synchronize_layers"),
+        ("support_synchronize_layers", "support_material_synchronize_layers"),
     ):
         if preset.has(theirs):
             conversion.copy_switch(ours, theirs)
     if preset.has("independent_support_layer_height"):
         own = preset.is_on("independent_support_layer_height")
-        conversion.put("support_sync", not own, "independent_support_layer_height", "the opposite")
+        conversion.put(
+            "support_synchronize_layers", not own, "independent_support_layer_height", "the opposite"
+        )
 
 
 def _convert_style(conversion: Conversion) -> None:
@@ -152,4 +154,4 @@ def _convert_base(conversion: Conversion, width: float) -> None:
         conversion.clamp("support_walls", int(walls), 0, 10, "support_material_with_sheath")
     foot = "raft_first_layer_expansion"
     if preset.has(foot) and preset.read_number("raft_layers") < 1 and preset.dialect != "cura":
-        conversion.clamp("support_foot", preset.read_number(foot), 0, 20, foot)
+        conversion.clamp("support_first_layer_expansion", preset.read_number(foot), 0, 20, foot)

@@ -48,7 +48,7 @@ class CostModel:
     def __init__(self, profile: Profile) -> None:
         quality = profile.quality
         self.times = PrintTimes(profile)
-        self.gram_price = quality.support_gram_price
+        self.gram_price = quality.support_minutes_per_gram
         self.surface_price = quality.surface_price / 60
         self.overhang_cosine = float(np.cos(np.radians(limit_threshold(quality.support_threshold_deg))))
         self.max_bridge = quality.support_max_bridge

@@ -8,7 +8,7 @@ of the part is the plan. The constraints and the objective, highest priority fir
     ranges      height ranges with their own layer height use it
     tolerance   the certified deviation of every layer (see `surface`) is within the tolerance
     flats       layers end on every flat, within the snap tolerance
-    supports    with `support_sync`, layers end at `support_gap` below flats
+    supports    with `support_synchronize_layers`, layers end at `support_gap` below flats
     limits      heights outside the limits of the list only to meet a flat or the tolerance
     evenness    neighbours differ by at most `max_step`, or are smooth (see `smoothness`)
     objective   time plus priced volume error, time, number of layers, or volume error

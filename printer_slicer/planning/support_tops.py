@@ -19,7 +19,7 @@ _ROUNDING: Final = 1e-2  # units; precision of heights in 32-bit coordinates
 
 
 def find_support_contacts(mesh: Mesh, profile: Profile, unit: float) -> tuple[Int, Int]:
-    """Find the flats below which supports end at a layer of the part, for `quality.support_sync`.
+    """Find the flats below which supports end at a layer of the part, for `quality.support_synchronize_layers`.
 
     With a layer that ends at `support_gap` below a flat, the gap is exact, although supports have no other layers.
     Left out are flats so low that no layer fits between the first layer and the top of the support, and all flats if
@@ -36,7 +36,10 @@ def find_support_contacts(mesh: Mesh, profile: Profile, unit: float) -> tuple[In
     quality, printer = profile.quality, profile.printer
     supported = list_support_styles(profile) != {"off"}
     gap = round(quality.support_gap / unit)
-    if not (supported and quality.support_sync) or gap * unit < printer.min_layer - _ROUNDING * unit:
+    if (
+        not (supported and quality.support_synchronize_layers)
+        or gap * unit < printer.min_layer - _ROUNDING * unit
+    ):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     height = find_downward_flats(mesh, _LEAST_AREA)[0] / unit
     contact = {

@@ -166,7 +166,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_layer_max: Annotated[
         float, make_meta("maximum layer height of supports; 0: 0.75 nozzle diameters", "mm", ge=0, le=1.6)
     ] = 0
-    support_sync: Annotated[
+    support_synchronize_layers: Annotated[
         bool, make_meta("give supports the same layers as the part; false: layers of their own")
     ] = False
     support_interface_layers: Annotated[
@@ -194,10 +194,10 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
     support_on_bed_only: Annotated[
         bool, make_meta("make only supports that stand on the bed, none on the part", own=ANYWHERE)
     ] = False
-    support_foot: Annotated[
+    support_first_layer_expansion: Annotated[
         float, make_meta("width added around supports at the bed", "mm", ge=0, le=20, own=ANYWHERE)
     ] = 3
-    support_joist: Annotated[
+    support_joist_spacing: Annotated[
         float,
         make_meta(
             "distance between joists: the single lines on the tips of trees, which carry the interface",
@@ -249,7 +249,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             "angle at which branches become thicker towards the bed", "degrees", ge=0, le=15, own=ANYWHERE
         ),
     ] = 5
-    support_scar_price: Annotated[
+    support_bed_detour: Annotated[
         float,
         make_meta(
             "maximum extra length of a branch that leads to the bed instead of ending on the part",
@@ -259,7 +259,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
             own=ANYWHERE,
         ),
     ] = 20
-    support_gram_price: Annotated[
+    support_minutes_per_gram: Annotated[
         float,
         make_meta(
             "print time worth spending to avoid one gram of support", "min/g", ge=0, le=100, own=ANYWHERE

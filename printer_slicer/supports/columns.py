@@ -80,7 +80,7 @@ def make_columns(overhangs: Overhangs, plan: SupportPlan, sections: Sections, pr
         standing = intersection(contacts, columns)
         bare += _list_unreached(contacts, standing, layers, _NOT_ON_BED)
         contacts = standing
-    if quality.support_foot:
+    if quality.support_first_layer_expansion:
         columns = _add_foot(columns, blocked, profile)
     base, interface, floor = divide_columns(
         columns, contacts, _find_ground(sections, layers), quality.support_interface_layers
@@ -232,7 +232,7 @@ def _widen_slim_columns(column: _Column, z: float) -> bool:
 def _add_foot(columns: Areas, blocked: Areas, profile: Profile) -> Areas:
     """Return the columns with a wider first layer."""
     first, rest = columns.of_layers(np.arange(1)), columns.of_layers(np.arange(1, columns.n_layers))
-    foot = offset(first, profile.quality.support_foot, join="round")
+    foot = offset(first, profile.quality.support_first_layer_expansion, join="round")
     foot = _clip_to_bed(difference(foot, blocked.of_layers(np.arange(1))), profile)
     return foot.merge(rest)
 

@@ -28,7 +28,7 @@ def measure_reach(mesh: Mesh, profile: Profile) -> float:
     if quality.support == "off" or not _has_overhangs(mesh, quality.support_threshold_deg):
         return 0.0
     branch = 0.0 if quality.support == "columns" else quality.support_branch_diameter
-    return quality.support_foot + max(branch, profile.extrusion_width) / 2
+    return quality.support_first_layer_expansion + max(branch, profile.extrusion_width) / 2
 
 
 def _has_overhangs(mesh: Mesh, threshold_deg: float) -> bool:

@@ -209,7 +209,7 @@ class _Prices(Struct, frozen=True, eq=False):
         group = self.groups.find(paths.xy[paths.start[:-1]])
         seconds = self.measure_times(paths, group, n, self.profile)
         grams = _measure_volumes(paths) * self.profile.material.density / 1000
-        cost = seconds / 60 + self.profile.quality.support_gram_price * np.bincount(group, grams, n)
+        cost = seconds / 60 + self.profile.quality.support_minutes_per_gram * np.bincount(group, grams, n)
         return np.asarray(cost + self.of_unsupported(made))
 
     def of_unsupported(self, *made: PrintedSupports) -> Float:

@@ -157,7 +157,7 @@ def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Pr
     above = contacts.wanted[contacts.wanted >= first + low - _SAME]
     if not len(above):
         return np.array([first])
-    if profile.quality.support_sync:
+    if profile.quality.support_synchronize_layers:
         nodes = part.top[(part.top > first + _SAME) & (part.top <= above[-1] + _SAME)]
     else:
         unit = _choose_unit(profile)

@@ -43,7 +43,9 @@ def estimate_least_tree_costs(
     reach = tan(as_radians(quality.support_tree_slow_angle_deg)) * np.maximum(
         highest[:, None] - layers.top, 0.0
     )
-    each = quality.support_joist * quality.support_tip_distance + pi * reach**2  # mm² that a branch carries
+    each = (
+        quality.support_joist_spacing * quality.support_tip_distance + pi * reach**2
+    )  # mm² that a branch carries
     loops = covered / each
     loops = np.where(covered > 0, np.maximum(loops, _LEAST_LOOPS), 0.0)
     length = pi * (quality.support_branch_diameter - profile.extrusion_width)
@@ -56,7 +58,7 @@ def estimate_least_tree_costs(
     section = bead.cross_section(paths.width[paths.start[:-1]], paths.height)
     volume += np.bincount(own, lines * section, n)
     grams = volume * profile.material.density / 1000
-    return np.asarray(seconds / 60 + quality.support_gram_price * grams)
+    return np.asarray(seconds / 60 + quality.support_minutes_per_gram * grams)
 
 
 def _time_loop(length: float, profile: Profile) -> float:

@@ -108,9 +108,11 @@ def test_json_has_all_about_bare_places(folder: Path) -> None:
     words = (folder / "cap.stl", "-o", folder / "x.gcode", "--supports", "columns", *QUICK, "--json")
     facts = json.loads(typed("slice", *words, "--set", "support_on_bed_only=true").out)["supports"]
 
-    assert facts["bare_mm2"] == pytest.approx(sum(one["area_mm2"] for one in facts["bare"]), rel=0.01)
-    assert facts["bare_mm2"] == pytest.approx(np.pi * (14**2 - 3**2), rel=0.1)
-    assert max(one["free_distance_mm"] for one in facts["bare"]) == pytest.approx(11.0, abs=0.5)
+    assert facts["unsupported_mm2"] == pytest.approx(
+        sum(one["area_mm2"] for one in facts["unsupported_places"]), rel=0.01
+    )
+    assert facts["unsupported_mm2"] == pytest.approx(np.pi * (14**2 - 3**2), rel=0.1)
+    assert max(one["free_distance_mm"] for one in facts["unsupported_places"]) == pytest.approx(11.0, abs=0.5)
 
 
 def test_supports_are_no_remedy_where_they_are_on(folder: Path) -> None:

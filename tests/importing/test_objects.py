@@ -77,7 +77,7 @@ def test_settings_of_the_whole_plate_are_reported(tmp_path: Path) -> None:
     left = {one.theirs: one.why for one in made.left if one.theirs.startswith("lid: ")}
     assert left == {
         "lid: brim_width": "brim_width is the same for the whole plate here",
-        "lid: support_material_synchronize_layers": "support_sync is the same for the whole plate here",
+        "lid: support_material_synchronize_layers": "support_synchronize_layers is the same for the whole plate here",
         "lid: layer_height": "all objects on a plate have the same layers",
     }
 

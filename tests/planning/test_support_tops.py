@@ -20,7 +20,11 @@ STEM = 8.0
 
 def profile(kind: str = "optimal", gap: float = 0.2, **changes: object) -> Profile:
     """A profile whose supports have the layers of the part."""
-    own = {"quality.support": "columns", "quality.support_sync": True, "quality.support_gap": gap}
+    own = {
+        "quality.support": "columns",
+        "quality.support_synchronize_layers": True,
+        "quality.support_gap": gap,
+    }
     given = {f"quality.{key}": value for key, value in changes.items()}
     return load_profile(quality="fine", changes={"quality.planner.kind": kind, **own, **given})
 
@@ -69,10 +73,10 @@ def test_the_tolerance_and_the_flats_come_first() -> None:
     assert layer_bounds(surface, plan).max() <= profile().quality.tolerance + 1e-9
 
 
-@pytest.mark.parametrize("changes", [{"support": "off"}, {"support_sync": False}])
+@pytest.mark.parametrize("changes", [{"support": "off"}, {"support_synchronize_layers": False}])
 def test_without_such_supports_plans_stay_as_they_are(changes: dict[str, object]) -> None:
     one = profile(**changes)
-    plain = profile(support="off", support_sync=False)
+    plain = profile(support="off", support_synchronize_layers=False)
     part = shelves(7.3)
 
     assert (plan_layers(part, one).top == plan_layers(part, plain).top).all()

@@ -178,8 +178,8 @@ def test_slim_columns_become_wider_towards_the_bed() -> None:
 
 
 def test_the_first_layer_has_a_foot() -> None:
-    plain = columns_of(tee(), support_foot=0)[0].area.area()
-    wide = columns_of(tee(), support_foot=3)[0].area.area()
+    plain = columns_of(tee(), support_first_layer_expansion=0)[0].area.area()
+    wide = columns_of(tee(), support_first_layer_expansion=3)[0].area.area()
 
     assert plain[0] == pytest.approx(plain[1], rel=1e-3)
     assert wide[0] > 1.5 * plain[0]

@@ -63,7 +63,7 @@ def test_slim_columns_are_found(side: float, n_layers: int, is_slim: bool) -> No
 def test_the_foot_decides() -> None:
     overhangs, plan, sections = by_hand(tee(10.0, 60.0))
     slim = [
-        find_slim_pieces(make_columns(overhangs, plan, sections, plain(support_foot=foot)))
+        find_slim_pieces(make_columns(overhangs, plan, sections, plain(support_first_layer_expansion=foot)))
         for foot in (0.0, 10.0)
     ]
     trees = find_slim_pieces(grow_trees(overhangs, plan, sections, plain()))

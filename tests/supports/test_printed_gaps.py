@@ -65,7 +65,11 @@ def test_the_gap_is_exact_at_all_layer_heights(tall: list[int], gap: float) -> N
 @pytest.mark.parametrize("gap", [0.15, 0.2, 0.3])
 @pytest.mark.parametrize("kind", ["optimal", "cusp"])
 def test_supports_with_the_layers_of_the_part_keep_the_gap(kind: str, gap: float) -> None:
-    changes = {"quality.support_gap": gap, "quality.support_sync": True, "quality.planner.kind": kind}
+    changes = {
+        "quality.support_gap": gap,
+        "quality.support_synchronize_layers": True,
+        "quality.planner.kind": kind,
+    }
     written, planned = printed_gap(None, **changes)
 
     assert planned == pytest.approx(gap, abs=MICRON)

@@ -58,7 +58,7 @@ def cost_of(name: str, style: str) -> float:
     """Minutes, and grams by their price."""
     supports, _, profile = made(name, style)
     grams = measure_path_volume(supports.paths) * profile.material.density / 1000
-    return seconds_of(supports.paths, profile) / 60 + profile.quality.support_gram_price * grams
+    return seconds_of(supports.paths, profile) / 60 + profile.quality.support_minutes_per_gram * grams
 
 
 @pytest.mark.parametrize(
@@ -202,5 +202,5 @@ def test_supports_without_plastic_have_no_style() -> None:
 
     assert facts is not None
     assert (facts["style"], facts["filament_g"]) == ("none", 0)
-    assert facts["bare"]
+    assert facts["unsupported_places"]
     assert format_support_sentences(facts)[0] == "Supports: none can be printed"

@@ -110,7 +110,7 @@ def test_the_first_layer_may_come_as_near_as_half_the_gap() -> None:
 
 def test_synchronized_supports_end_where_layers_of_the_part_end() -> None:
     plan = stack([20, 24, 16, 20, 28, 12, 20, 20])
-    profile = load_profile(changes={"support_sync": True})
+    profile = load_profile(changes={"support_synchronize_layers": True})
     found = plan_support_layers(hanging(plan, np.array([7])), profile)
 
     assert np.isin(found.layers.top, plan.top).all()

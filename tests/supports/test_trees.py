@@ -245,7 +245,7 @@ def test_branches_stand_on_the_part_only_where_that_saves_their_price() -> None:
 
     standing = []
     for price in (0.0, 1000.0):
-        pieces = grow_trees(overhangs, plan, sections, plain(support_scar_price=price)).branches
+        pieces = grow_trees(overhangs, plan, sections, plain(support_bed_detour=price)).branches
         low, high = (np.round(ends, 6) for ends in (pieces[:, :3], pieces[:, 4:7]))
         going_on = {tuple(end) for end in high.tolist()}
         standing.append({tuple(end) for end in low.tolist() if tuple(end) not in going_on and end[0] > 0})
@@ -326,7 +326,10 @@ def test_slopes_near_the_threshold_get_tips_at_any_layer_height(height: float) -
 
 def test_tips_are_no_thinner_and_no_closer_than_can_be_printed() -> None:
     least = plain(
-        support_joist=0.5, support_tip_distance=0.5, support_tip_diameter=0.2, support_branch_diameter=0.5
+        support_joist_spacing=0.5,
+        support_tip_distance=0.5,
+        support_tip_diameter=0.2,
+        support_branch_diameter=0.5,
     )
     width, limits = least.extrusion_width, read_tree_settings(least, 0.2, 30.0)
 
