@@ -417,10 +417,7 @@ def test_the_console_is_filtered(page: Page) -> None:
     page.wait_for_function("one => one.children.length === 0", arg=lines.element_handle())
     card.get_by_label("Filter").fill("HELLO FILTER")
     lines.get_by_text(f"{SAID} filter").first.wait_for()
-    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
-    cancel.click()
-    cancel.filter(has_text="Press again").click()
-    card.get_by_text("Not printing").wait_for()
+    cancel_print(card)
 
 
 def test_a_model_under_files_is_not_uploaded(page: Page) -> None:
@@ -537,6 +534,24 @@ def test_everything_fits_and_can_be_read_and_touched(page: Page, section: str) -
     check_page(page)
 
 
+def queue_file(page: Page, text: str, name: str, printer: str) -> None:
+    """Drop a file, and queue a job for it."""
+    open_section(page, "Files")
+    page.evaluate(DROP, [text, name])
+    row = page.locator("li.card", has_text=name).first
+    row.locator("summary").click()
+    row.get_by_label("Printer").select_option(printer)
+    row.get_by_role("button", name="Print").click()
+
+
+def cancel_print(card: Locator) -> None:
+    """Cancel the print of a printer."""
+    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
+    cancel.click()
+    cancel.filter(has_text="Press again").click()
+    card.get_by_text("Not printing").wait_for()
+
+
 def list_requests_during_print(page: Page) -> list[str]:
     """Open the page a second time while one printer prints, and return what it asks for."""
     other = page.context.new_page()
@@ -554,12 +569,7 @@ def list_requests_during_print(page: Page) -> list[str]:
 )
 def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: str) -> None:
     name = f"{printer} {NAME}"
-    open_section(page, "Files")
-    page.evaluate(DROP, [make_gcode(f"{SAID} {printer}"), name])
-    row = page.locator("li.card", has_text=name).first
-    row.locator("summary").click()
-    row.get_by_label("Printer").select_option(printer)
-    row.get_by_role("button", name="Print").click()
+    queue_file(page, make_gcode(f"{SAID} {printer}"), name, printer)
     page.get_by_role("status").filter(has_text="is in the queue").wait_for()
     open_section(page, "Queue")
     job = page.locator("li.card", has_text=name)
@@ -581,10 +591,7 @@ def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: st
     card.get_by_text(re.compile("speed 90 %")).wait_for()
     assert page.get_by_role("button", name=f"Emergency stop: {printer}").is_visible()
 
-    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
-    cancel.click()
-    cancel.filter(has_text="Press again").click()
-    card.get_by_text("Not printing").wait_for()
+    cancel_print(card)
     card.get_by_role("button", name="Bed is clear").wait_for()
     open_section(page, "History")
     page.locator("li.card", has_text=name).get_by_text("cancelled").first.wait_for()
@@ -593,12 +600,7 @@ def test_a_dropped_file_is_printed_once_the_bed_is_clear(page: Page, printer: st
 @pytest.mark.parametrize("page", [SIZES[0]], indirect=True)
 def test_a_rejected_job_can_be_printed_anyway(page: Page) -> None:
     name = "cold.gcode"
-    open_section(page, "Files")
-    page.evaluate(DROP, [make_gcode("cold").replace("M109 S200\n", ""), name])
-    row = page.locator("li.card", has_text=name).first
-    row.locator("summary").click()
-    row.get_by_label("Printer").select_option("narrow")
-    row.get_by_role("button", name="Print").click()
+    queue_file(page, make_gcode("cold").replace("M109 S200\n", ""), name, "narrow")
     open_section(page, "Printers")
     card = page.locator("li.card", has=page.get_by_role("heading", name="narrow"))
     card.get_by_role("button", name="Bed is clear").click()
@@ -618,10 +620,7 @@ def test_a_rejected_job_can_be_printed_anyway(page: Page) -> None:
     card.get_by_role("button", name="Bed is clear").click()
     card.get_by_text(name).first.wait_for()
     card.get_by_text("printing", exact=True).wait_for()
-    cancel = card.get_by_role("button", name=re.compile("^Cancel$|^Press again"))
-    cancel.click()
-    cancel.filter(has_text="Press again").click()
-    card.get_by_text("Not printing").wait_for()
+    cancel_print(card)
 
 
 def test_keys_alone_reach_everything_in_reading_order(page: Page) -> None:
