@@ -15,7 +15,7 @@ from printer_slicer.arranging.footprints import (
     list_footprints,
     rotate_outline,
 )
-from printer_slicer.arranging.packing import Packer, Packing, PlateCells, pack
+from printer_slicer.arranging.packing import Packer, Packing, PlateCells
 from printer_slicer.arranging.spacing import find_smallest_distance
 from printer_slicer.arrays import Float, Int
 from printer_slicer.errors import PartError
@@ -28,19 +28,19 @@ __all__ = ["ROTATIONS", "arrange_outlines"]
 ROTATIONS: Final = tuple(float(angle) for angle in range(0, 360, 45))
 """Rotations about z that are tried, degrees."""
 
-_CELLS: Final = 250  # along the longer side of a plate
-_FINEST: Final = 0.5  # mm
+_MOST_CELLS: Final = 250  # along the longer side of a plate
+_SMALLEST_CELL: Final = 0.5  # mm
 _RANDOM_ORDERS: Final = 5
 _FINAL_ORDERS: Final = 2  # that are tried on the fine raster
-_SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way to the middle of a plate
-_AREA_NOISE: Final = 0.15  # standard deviation of random changes of areas, relative to the largest area
+_CENTERING_SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the way to the middle of a plate
+_AREA_SPREAD: Final = 0.15  # standard deviation of the random changes of areas, relative to the largest
 _SEED: Final = 1
 
 
 def arrange_outlines(
     outlines: Sequence[Areas],
     names: Sequence[str],
-    room: FreeArea,
+    free_area: FreeArea,
     gap: float,
     *,
     one_per_plate: frozenset[int] = frozenset(),
@@ -54,7 +54,7 @@ def arrange_outlines(
     Args:
         outlines: of each part as seen from above, one layer each, mm; copies may be the same object.
         names: of the parts, for messages, such as `lid: the part with its brim`.
-        room: where parts may stand; the same for all plates.
+        free_area: where parts may stand; the same for all plates.
         gap: smallest distance between parts, mm.
         one_per_plate: indices of parts of which each plate gets at most one.
         remedy: what helps if a part does not fit.
@@ -62,18 +62,20 @@ def arrange_outlines(
     Raises:
         PartError: a part does not fit an empty plate.
     """
-    cell = max(float(room.size.max()) / _CELLS, _FINEST)
+    cell = max(float(free_area.size.max()) / _MOST_CELLS, _SMALLEST_CELL)
     coarse = _list_footprints(outlines, gap, 2 * cell)
     for name, own in zip(names, coarse, strict=True):
-        _check_size(name, own, room, remedy)
-    orders = _list_best_orders(coarse, _make_plate(room, 2 * cell), one_per_plate)
-    fine, plate = _list_footprints(outlines, gap, cell), _make_plate(room, cell)
+        _check_size(name, own, free_area, remedy)
+    orders = _list_best_orders(coarse, _make_plate(free_area, 2 * cell), one_per_plate)
+    fine, plate = _list_footprints(outlines, gap, cell), _make_plate(free_area, cell)
     packer = Packer(plate, fine, one_per_plate)
     packings = [packer.pack(order) for order in orders]
-    best = min((one for one in packings if one), key=lambda one: (one.n_plates, one.last_share), default=None)
+    best = min(
+        (one for one in packings if one), key=lambda one: (one.n_plates, one.last_plate_share), default=None
+    )
     if best is None:
         raise PartError(_describe_unplaced(names, outlines, plate), remedy=remedy)
-    arrangement = _center(_read_places(best, fine, room, cell), outlines, room)
+    arrangement = _center(_read_places(best, fine, free_area, cell), outlines, free_area)
     _check_spacing(arrangement, outlines, gap)
     return arrangement
 
@@ -87,33 +89,34 @@ def _list_footprints(outlines: Sequence[Areas], gap: float, cell: float) -> list
     return [known[id(outline)] for outline in outlines]
 
 
-def _make_plate(room: FreeArea, cell: float) -> PlateCells:
+def _make_plate(free_area: FreeArea, cell: float) -> PlateCells:
     """Return the cells of a plate, and in which of them nothing may stand."""
-    columns, rows = np.ceil(room.size / cell - 1e-9).astype(np.int64).tolist()
-    grid = CellGrid(float(room.low[0]), float(room.low[1]), cell, rows, columns)
-    has_excluded = room.excluded.n_rings > 0
+    columns, rows = np.ceil(free_area.size / cell - 1e-9).astype(np.int64).tolist()
+    grid = CellGrid(float(free_area.low[0]), float(free_area.low[1]), cell, rows, columns)
+    has_excluded = free_area.excluded.n_rings > 0
     excluded = (
-        find_touched_cells(room.excluded, grid) if has_excluded else np.zeros((rows, columns), np.bool_)
+        find_touched_cells(free_area.excluded, grid) if has_excluded else np.zeros((rows, columns), np.bool_)
     )
-    return PlateCells(excluded, room.size, cell)
+    return PlateCells(excluded, free_area.size, cell)
 
 
-def _check_size(name: str, footprints: Sequence[Footprint], room: FreeArea, remedy: str) -> None:
+def _check_size(name: str, footprints: Sequence[Footprint], free_area: FreeArea, remedy: str) -> None:
     """Check that a part fits the rectangle of the plate in one of its rotations.
 
     Raises:
         PartError: it does not; the message tells by how much it is too large.
     """
-    best = min(footprints, key=lambda one: float((one.size - room.size).max()))
-    excess = best.size - room.size
+    best = min(footprints, key=lambda one: float((one.size - free_area.size).max()))
+    excess = best.size - free_area.size
     if not excess.max() > 0:
         return
     axes = " and ".join(
         f"{value:.3g} mm in {axis}" for axis, value in zip("xy", excess, strict=True) if value > 0
     )
     turned = f", even if it is rotated by {best.angle:g} degrees" if best.angle else ""
+    width, depth = free_area.size.tolist()
     raise PartError(
-        f"{name} is {axes} too large for the free area of the bed, {room.size[0]:g} x {room.size[1]:g} mm{turned}",
+        f"{name} is {axes} too large for the free area of the bed, {width:g} x {depth:g} mm{turned}",
         remedy=remedy,
     )
 
@@ -126,7 +129,7 @@ def _list_best_orders(
     packer = Packer(plate, footprints, one_per_plate)
     for order in orders:
         found = packer.pack(order)
-        ranks.append((found.n_plates, found.last_share) if found else (len(order) + 1, 0.0))
+        ranks.append((found.n_plates, found.last_plate_share) if found else (len(order) + 1, 0.0))
         if ranks[-1][0] == 1:
             break
     best = sorted(range(len(ranks)), key=ranks.__getitem__)
@@ -139,7 +142,7 @@ def _list_orders(footprints: Sequence[Sequence[Footprint]]) -> list[Int]:
     box = np.array([own[0].size.prod() for own in footprints])
     longest = np.array([own[0].size.max() for own in footprints])
     random = np.random.default_rng(_SEED)
-    shuffled = [area + random.normal(0, _AREA_NOISE * area.max(), len(area)) for _ in range(_RANDOM_ORDERS)]
+    shuffled = [area + random.normal(0, _AREA_SPREAD * area.max(), len(area)) for _ in range(_RANDOM_ORDERS)]
     orders: dict[tuple[int, ...], Int] = {}
     for key in (area, box, longest, *shuffled):
         order = np.argsort(-key, kind="stable")
@@ -149,17 +152,19 @@ def _list_orders(footprints: Sequence[Sequence[Footprint]]) -> list[Int]:
 
 
 def _read_places(
-    packing: Packing, footprints: Sequence[Sequence[Footprint]], room: FreeArea, cell: float
+    packing: Packing, footprints: Sequence[Sequence[Footprint]], free_area: FreeArea, cell: float
 ) -> Arrangement:
     """Return the places of a packing in mm."""
     chosen = [own[place.rotation] for own, place in zip(footprints, packing.places, strict=True)]
     cells = np.array([(place.column, place.row) for place in packing.places], np.float64).reshape(-1, 2)
     corners = np.array([one.corner for one in chosen]).reshape(-1, 2)
     plates = np.array([place.plate for place in packing.places], np.int64)
-    return Arrangement(plates, np.array([one.angle for one in chosen]), room.low + cells * cell - corners)
+    return Arrangement(
+        plates, np.array([one.angle for one in chosen]), free_area.low + cells * cell - corners
+    )
 
 
-def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: FreeArea) -> Arrangement:
+def _center(arrangement: Arrangement, outlines: Sequence[Areas], free_area: FreeArea) -> Arrangement:
     """Move the parts of each plate together toward its middle, as far as excluded areas allow."""
     placed = [_place_outline(arrangement, outlines, part) for part in range(len(outlines))]
     shift = arrangement.shift.copy()
@@ -167,14 +172,14 @@ def _center(arrangement: Arrangement, outlines: Sequence[Areas], room: FreeArea)
         here = np.flatnonzero(arrangement.plate == plate)
         boxes = [placed[part].boxes() for part in here.tolist()]
         low, high = (np.concatenate([box[side] for box in boxes]) for side in (0, 1))
-        wanted = (room.low + room.high) / 2 - (low.min(axis=0) + high.max(axis=0)) / 2
-        shift[here] += _shorten(wanted, [placed[part] for part in here.tolist()], room.excluded)
+        wanted = (free_area.low + free_area.high) / 2 - (low.min(axis=0) + high.max(axis=0)) / 2
+        shift[here] += _shorten(wanted, [placed[part] for part in here.tolist()], free_area.excluded)
     return replace(arrangement, shift=shift)
 
 
 def _shorten(wanted: Float, placed: Sequence[Areas], excluded: Areas) -> Float:
     """Return the longest of a few shares of a shift (2,) that moves no part into an excluded area, mm."""
-    shares = sorted(product(_SHARES, _SHARES), key=sum, reverse=True)
+    shares = sorted(product(_CENTERING_SHARES, repeat=2), key=sum, reverse=True)
     for share in shares if excluded.n_rings else shares[:1]:
         by = wanted * share
         moved = (replace(one, xy=one.xy + by) for one in placed)
@@ -219,6 +224,5 @@ def _fits_alone(outline: Areas, plate: PlateCells) -> bool:
     """Return whether an outline fits the empty plate; one without area does."""
     if not outline.n_rings:
         return True
-    return (
-        pack([list_footprints(outline, ROTATIONS, 0.0, plate.cell)], np.zeros(1, np.int64), plate) is not None
-    )
+    packer = Packer(plate, [list_footprints(outline, ROTATIONS, 0.0, plate.cell)])
+    return packer.pack(np.zeros(1, np.int64)) is not None

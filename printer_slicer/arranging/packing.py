@@ -17,11 +17,11 @@ from printer_slicer.arranging.footprints import Footprint
 from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry.raster import Float32
 
-__all__ = ["Packer", "Packing", "PlacedPart", "PlateCells", "pack"]
+__all__ = ["Packer", "Packing", "PlacedPart", "PlateCells"]
 
 _Spectrum = NDArray[np.complexfloating[Any, Any]]
-_FREE: Final = 0.5  # counts below this are 0, apart from rounding
-_NEAR: Final = 3  # cells; within this distance, contact with neighbours counts
+_LEAST_COUNT: Final = 0.5  # of cells; lower results of the transform are 0, apart from rounding
+_CONTACT_REACH: Final = 3  # cells; within this distance of edges and other parts, contact counts
 
 
 class PlacedPart(NamedTuple):
@@ -59,15 +59,29 @@ class PlateCells(NamedTuple):
 
 
 class Packing(NamedTuple):
-    """The places of all parts, in their given order, and the share of cells that the parts on the last plate touch."""
+    """The places of all parts.
+
+    Attributes:
+        places: of each part, in the order of the footprints.
+        n_plates: number of plates.
+        last_plate_share: share of the cells of the last plate that its parts touch.
+    """
 
     places: tuple[PlacedPart, ...]
     n_plates: int
-    last_share: float
+    last_plate_share: float
 
 
 class _Plate:
-    """The cells of a plate that are taken, and the spectra of its correlations."""
+    """A plate with the parts that are on it so far.
+
+    Attributes:
+        empty: the plate without parts.
+        taken: (rows, columns) 1 in cells that are excluded or nearer than the gap to a part, else 0.
+        n_touched: number of cells that parts touch.
+        has_single_part: whether one of the parts is there of which a plate gets at most one.
+        too_large: ids of the lists of footprints for which no free place is left.
+    """
 
     def __init__(self, empty: PlateCells) -> None:
         self.empty = empty
@@ -75,23 +89,21 @@ class _Plate:
         self.n_touched = 0
         self.has_single_part = False
         self.too_large: set[int] = set()
-        """Ids of the footprints for which no free place is left."""
         self._spectrum: tuple[_Spectrum, _Spectrum] | None = None
 
-    def spectra(self) -> tuple[_Spectrum, _Spectrum]:
-        """Return the spectra of the cells that are taken, and of those where contact counts."""
+    def compute_spectra(self) -> tuple[_Spectrum, _Spectrum]:
+        """Return the spectra of the cells that are taken, and of the costs of cells."""
         if self._spectrum is None:
             self._spectrum = np.fft.rfft2(self.taken), np.fft.rfft2(_compute_cell_costs(self.taken))
         return self._spectrum
 
     def add(self, footprint: Footprint, row: int, column: int) -> None:
-        """Mark the cells that a part keeps free."""
-        first, n = (row - footprint.margin, column - footprint.margin), footprint.kept_free.shape
-        begin = [max(at, 0) for at in first]
-        end = [min(at + size, room) for at, size, room in zip(first, n, self.taken.shape, strict=True)]
-        source = tuple(slice(low - at, high - at) for low, high, at in zip(begin, end, first, strict=True))
-        target = self.taken[begin[0] : end[0], begin[1] : end[1]]
-        np.maximum(target, footprint.kept_free[source], out=target)
+        """Mark the cells that a part keeps free as taken; those beyond the plate do not count."""
+        top, left = row - footprint.margin, column - footprint.margin
+        here = self.taken[max(top, 0) :, max(left, 0) :]
+        kept_free = footprint.kept_free[max(-top, 0) :, max(-left, 0) :][: here.shape[0], : here.shape[1]]
+        here = here[: kept_free.shape[0], : kept_free.shape[1]]
+        np.maximum(here, kept_free, out=here)
         self.n_touched += int(footprint.touched.sum())
         self._spectrum = None
 
@@ -100,12 +112,14 @@ def _compute_cell_costs(taken: Float32) -> Float32:
     """Return the cost of each cell: lower near the corner, the edges and the taken cells of the plate."""
     rows, columns = np.indices(taken.shape, dtype=np.float32)
     near = np.zeros_like(taken)
-    wide = np.pad(taken, _NEAR, constant_values=1.0)
-    for step in range(1, _NEAR + 1):
+    wide = np.pad(taken, _CONTACT_REACH, constant_values=1.0)
+    for step in range(1, _CONTACT_REACH + 1):
         for axis in (0, 1):
             for by in (step, -step):
-                near += np.roll(wide, by, axis)[_NEAR:-_NEAR, _NEAR:-_NEAR]
-    return np.asarray(rows / taken.shape[0] + columns / taken.shape[1] - near / _NEAR, np.float32)
+                near += np.roll(wide, by, axis)[
+                    _CONTACT_REACH:-_CONTACT_REACH, _CONTACT_REACH:-_CONTACT_REACH
+                ]
+    return np.asarray(rows / taken.shape[0] + columns / taken.shape[1] - near / _CONTACT_REACH, np.float32)
 
 
 class Packer:
@@ -135,11 +149,11 @@ class Packer:
             if place is None:
                 return None
             places[part] = place
-        last = plates[-1].n_touched / self._empty.excluded.size if plates else 0.0
-        return Packing(tuple(places[part] for part in range(len(order))), len(plates), last)
+        last_share = plates[-1].n_touched / self._empty.excluded.size if plates else 0.0
+        return Packing(tuple(places[part] for part in range(len(order))), len(plates), last_share)
 
-    def _find_spectra(self, rotations: Sequence[Footprint]) -> list[_Spectrum]:
-        """Return the conjugate spectra of the footprints of a part."""
+    def _get_spectra(self, rotations: Sequence[Footprint]) -> list[_Spectrum]:
+        """Return the conjugate spectra of the footprints of a part; they are computed once."""
         if id(rotations) not in self._spectra:
             shape = self._empty.excluded.shape
             touched = (one.touched.astype(np.float32) for one in rotations)
@@ -153,7 +167,7 @@ class Packer:
             plate = plates[number] if number < len(plates) else _Plate(self._empty)
             if id(rotations) in plate.too_large or (is_single and plate.has_single_part):
                 continue
-            found = _find_best_place(rotations, self._find_spectra(rotations), plate)
+            found = _find_best_place(rotations, self._get_spectra(rotations), plate)
             if found is None:
                 plate.too_large.add(id(rotations))
                 continue
@@ -170,7 +184,7 @@ def _find_best_place(
     rotations: Sequence[Footprint], spectra: Sequence[_Spectrum], plate: _Plate
 ) -> tuple[int, int, int] | None:
     """Return rotation, row and column of the best free place on a plate; None if there is none."""
-    taken, cell_cost = plate.spectra()
+    taken, cell_cost = plate.compute_spectra()
     n_free = plate.taken.size - plate.taken.sum()
     best, least = None, np.inf
     for rotation, (footprint, own) in enumerate(zip(rotations, spectra, strict=True)):
@@ -178,7 +192,7 @@ def _find_best_place(
         n_touched = int(footprint.touched.sum())
         if min(places) <= 0 or n_touched > n_free:
             continue
-        is_free = _correlate(taken * own, plate.taken.shape, places) < _FREE
+        is_free = _correlate(taken * own, plate.taken.shape, places) < _LEAST_COUNT
         if not is_free.any():
             continue
         cost = np.where(is_free, _correlate(cell_cost * own, plate.taken.shape, places) / n_touched, np.inf)
@@ -194,14 +208,3 @@ def _correlate(product: _Spectrum, shape: tuple[int, ...], places: tuple[int, in
     return np.asarray(
         np.fft.irfft(np.fft.ifft(product, axis=0)[:rows], shape[1], axis=1)[:, :columns], np.float32
     )
-
-
-def pack(rotations: Sequence[Sequence[Footprint]], order: Int, empty: PlateCells) -> Packing | None:
-    """Pack parts in the given order; return None if a part fits on no empty plate.
-
-    Args:
-        rotations: the footprints of each part.
-        order: (P,) indices of the parts.
-        empty: a plate.
-    """
-    return Packer(empty, rotations).pack(order)

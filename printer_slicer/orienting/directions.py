@@ -14,21 +14,21 @@ __all__ = ["drop_near", "list_directions", "spread_directions"]
 
 _MOST_FLATS: Final = 100
 _LEAST_FLAT: Final = 1e-3  # area of a flat, relative to the largest
-_SAME_FLAT: Final = np.cos(np.radians(1.0))
-_SAME_DIRECTION: Final = np.cos(np.radians(0.2))
-_UPRIGHT: Final = 0.05  # cosine between flats that count as perpendicular
+_SAME_FLAT_COSINE: Final = np.cos(np.radians(1.0))
+_SAME_DIRECTION_COSINE: Final = np.cos(np.radians(0.2))
+_PERPENDICULAR_COSINE: Final = 0.05  # flats with a smaller cosine between them count as perpendicular
 _N_SPREAD: Final = 200
 
 
 def list_directions(shape: PartShape) -> Float:
     """Return unit vectors (D, 3) in the axes of a part, which may point down.
 
-    They are the directions of its flats, and of those of its convex hull, on which it can lie, the largest first; the
-    axes and diagonals of the largest flats; and directions spread evenly over the sphere.
+    They are the normals of its flats, and of those of its convex hull, on which it can lie, the largest first; the axes
+    and diagonals of a frame of the largest flats; and directions spread evenly over the sphere.
     """
-    flats = _list_hull_flats(shape)
-    every = [shape.flats, flats, _list_diagonals(flats), spread_directions(_N_SPREAD)]
-    return drop_near(np.concatenate(every), _SAME_DIRECTION)
+    hull_flats = _list_hull_flats(shape)
+    every = [shape.flats, hull_flats, _list_diagonals(hull_flats), spread_directions(_N_SPREAD)]
+    return drop_near(np.concatenate(every), _SAME_DIRECTION_COSINE)
 
 
 def spread_directions(count: int) -> Float:
@@ -38,9 +38,9 @@ def spread_directions(count: int) -> Float:
     """
     number = np.arange(count) + 0.5
     z = 1 - 2 * number / count
-    turn = np.pi * (1 + np.sqrt(5)) * number
+    longitude = np.pi * (1 + np.sqrt(5)) * number
     radius = np.sqrt(1 - z * z)
-    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
+    return np.column_stack([radius * np.cos(longitude), radius * np.sin(longitude), z])
 
 
 def _list_hull_flats(shape: PartShape) -> Float:
@@ -54,18 +54,21 @@ def _list_hull_flats(shape: PartShape) -> Float:
     order = order[area[order] > _LEAST_FLAT * area.max()]
     normals = vectors[order] / area[order, None]
     # Each facet belongs to the first, which is the largest, of those that face almost the same way.
-    leader = (normals @ normals.T > _SAME_FLAT).argmax(axis=1)
+    leader = (normals @ normals.T > _SAME_FLAT_COSINE).argmax(axis=1)
     total = np.bincount(leader, area[order], len(order))
     largest = np.argsort(-total, kind="stable")[:_MOST_FLATS]
     return np.asarray(normals[largest[total[largest] > 0]])
 
 
 def _list_diagonals(flats: Float) -> Float:
-    """Return the axes and diagonals (26, 3) of a frame of the largest flats, or of the shape if it has none."""
+    """Return the axes and diagonals (26, 3) of a frame of the largest flats, or of the shape if it has none.
+
+    A frame is three perpendicular axes.
+    """
     frame = np.eye(3)
     if len(flats):
-        upright = flats[np.abs(flats @ flats[0]) < _UPRIGHT]
-        second = upright[0] if len(upright) else frame[np.abs(flats[0]).argmin()]
+        perpendicular = flats[np.abs(flats @ flats[0]) < _PERPENDICULAR_COSINE]
+        second = perpendicular[0] if len(perpendicular) else frame[np.abs(flats[0]).argmin()]
         second = second - flats[0] * (second @ flats[0])
         second = second / norm(second)
         frame = np.stack([flats[0], second, np.cross(flats[0], second)])
@@ -75,7 +78,7 @@ def _list_diagonals(flats: Float) -> Float:
 
 
 def drop_near(directions: Float, cosine: float) -> Float:
-    """Return directions (n, 3) without those whose angle to an earlier one has a larger cosine than this."""
+    """Return unit vectors (n, 3) without those whose cosine with an earlier one is larger than `cosine`."""
     if not len(directions):
         return directions
     first = (directions @ directions.T > cosine).argmax(axis=1)
