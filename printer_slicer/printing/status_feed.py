@@ -76,8 +76,7 @@ class StatusFeed:
         if isinstance(event, Temperature | Identified):
             return
         if text := _describe_event(event):
-            self._n_lines += 1
-            self._console.append((self._n_lines, get_event_kind(event), text[:_MAX_TEXT]))
+            self._add_line(get_event_kind(event), text[:_MAX_TEXT], repeats=not isinstance(event, Busy))
         if isinstance(event, ResendRequested):
             self._n_resends += 1
         elif isinstance(event, Finished):
@@ -86,6 +85,12 @@ class StatusFeed:
             self._ended = {"cancelled": False, "verified": None, "reason": event.reason}
         if isinstance(event, _URGENT) and self._watchers:
             self._wake.set()
+
+    def _add_line(self, kind: str, text: str, *, repeats: bool) -> None:
+        """Add a console line, unless it is the last one again and lines like it are not to be repeated."""
+        if repeats or not self._console or self._console[-1][1:] != (kind, text):
+            self._n_lines += 1
+            self._console.append((self._n_lines, kind, text))
 
     def add(self, connection: socket.socket, name: str, last_line: int = 0) -> bool:
         """Send the status to this connection from now on; return False, and close it, if there are too many.

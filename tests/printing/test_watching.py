@@ -30,7 +30,7 @@ from printer_slicer.printing.host_settings import make_host_settings
 from printer_slicer.printing.job_store import PortAddress, create_print, load_print
 from printer_slicer.printing.status_feed import MAX_CONSOLE_LINES, MAX_WATCHERS, StatusFeed
 from printer_slicer.profile import load_profile
-from printer_slicer.stream.events import Finished, Message, Paused
+from printer_slicer.stream.events import Busy, Finished, Message, Paused
 
 LINES = ["G28", "G90", "G1 Z1 F600", *(f"G1 X{10 + i % 60} Y{10 + i % 7} F6000" for i in range(600))]
 
@@ -64,6 +64,13 @@ def messages(connection: socket.socket) -> Generator[dict[str, Any], None, None]
     with connection.makefile("rb") as file:
         for line in file:
             yield json.loads(line)
+
+
+def test_a_printer_that_is_busy_for_long_does_not_fill_the_console(watched: Watched) -> None:
+    for event in (Message("heating"), *[Busy("processing")] * 600, Message("ready"), Busy("processing")):
+        watched.feed.on_event(event)
+    first = next(messages(watched.watch()))
+    assert [text for _, _, text in first["console"]] == ["heating", "processing", "ready", "processing"]
 
 
 def test_the_first_message_is_the_whole_status_and_later_ones_are_changes(watched: Watched) -> None:
