@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import find_enclosing_rings, offset, simplify
 from printer_slicer.geometry.segment_index import OutlineIndex
 from printer_slicer.geometry.vectors import nearest_on_segments
@@ -12,7 +12,7 @@ from printer_slicer.model import Areas
 from printer_slicer.travels.routing_field import OFF, Corners, RoutingField
 from printer_slicer.values import Struct
 
-__all__ = ["SIMPLER", "InsetRegions", "build_inset_regions", "build_outside_field"]
+__all__ = ["SIMPLER", "InsetRegions", "build_inset_regions", "build_outside_field", "is_within"]
 
 SIMPLER = 0.5
 """Tolerance for simplified outlines, as a fraction of the clearance."""
@@ -77,20 +77,31 @@ def build_inset_regions(solid: Areas, box: tuple[Float, Float], clearance: float
     )
 
 
+def is_within(xy: Float, bed: Float) -> Bool:
+    """Return which points (n, 2) lie on the bed, whose lowest and highest x and y are `bed` (2, 2), mm."""
+    return np.asarray(((xy >= bed[0]) & (xy <= bed[1])).all(axis=1))
+
+
 def build_outside_field(
-    solid: Areas, outlines: OutlineIndex, box: tuple[Float, Float], clearance: float, toll: float
+    solid: Areas,
+    outlines: OutlineIndex,
+    boxes: tuple[tuple[Float, Float], Float],
+    clearance: float,
+    toll: float,
 ) -> RoutingField:
     """Return the field for routes that leave the part: one field per layer, with corners on both sides of outlines.
 
     Args:
         solid: the sections.
         outlines: outlines of the sections.
-        box: corners (2,) of a box around all points to be queried, mm.
+        boxes: corners (2,) of a box around all points to be queried, and of the bed, mm; routes do not leave the bed.
         clearance: mm.
         toll: mm by which a route may be longer to cross one outline less.
     """
     simple = simplify(solid, SIMPLER * clearance)
+    box, bed = boxes
     corners = Corners.inside(simple, clearance).joined(Corners.outside(simple, clearance))
+    corners = corners.take(np.flatnonzero(is_within(corners.place, bed)))
     if simple.n_rings != solid.n_rings:  # some slivers were dropped; otherwise ring numbers agree
         solid, outlines = simple, OutlineIndex(simple, *box)
     return RoutingField.of(solid, outlines, solid.ring_layer, corners, toll)

@@ -15,6 +15,7 @@ from printer_slicer.travels.inset_regions import (
     InsetRegions,
     build_inset_regions,
     build_outside_field,
+    is_within,
 )
 from printer_slicer.travels.routes import Routes, build_routes, drop_repeated_points, move_corners_from_walls
 from printer_slicer.travels.routing import find_routes
@@ -61,7 +62,9 @@ def reroute(
     some, straight = routes.take(blocked), length[blocked]
     limit = detour_limits(straight, profile)
     limit = np.where(crossings[blocked] > 0, limit, np.minimum(limit, straight + _GRAZING))
-    improver = _RouteImprover(outlines, _ROOM * width, routes, crossings)
+    low, high = np.array(profile.printer.corners)
+    bed = np.array([np.minimum(low, box[0]), np.maximum(high, box[1])])
+    improver = _RouteImprover(outlines, _ROOM * width, bed, routes, crossings)
     region, other = _find_routes_inside(improver, regions, blocked, limit)
     # Where the regions are too narrow for this clearance, try a smaller one.
     left = np.flatnonzero(improver.crossings[blocked] > 0)
@@ -73,7 +76,7 @@ def reroute(
     many = np.flatnonzero(spare > 0)
     if len(many):
         queries = RouteQueries(*some.ends, some.layer, some.layer, straight + _TOLL * spare, _TOLL * fewest)
-        field = build_outside_field(solid, outlines, box, _CLEARANCE * width, _TOLL)
+        field = build_outside_field(solid, outlines, (box, bed), _CLEARANCE * width, _TOLL)
         improver.improve(blocked[many], queries.take(many), field)
     return improver.routes, improver.crossings
 
@@ -100,12 +103,14 @@ class _RouteImprover(Struct, eq=False):
     Attributes:
         outlines: outlines of the sections.
         extra_clearance: mm, distance added at corners.
+        bed: (2, 2) lowest and highest x and y of the bed, and of the ends of routes if these lie beyond it, mm.
         routes: (W,) all routes.
         crossings: (W,) number of outlines that each crosses.
     """
 
     outlines: OutlineIndex
     extra_clearance: float
+    bed: Float
     routes: Routes
     crossings: Int
 
@@ -124,7 +129,9 @@ class _RouteImprover(Struct, eq=False):
             if np.isfinite(field.toll)
             else np.zeros(len(which), np.int64)
         )
-        step = self.extra_clearance * field.corners.away[found.corners]
+        place, away = (column[found.corners] for column in (field.corners.place, field.corners.away))
+        farther = np.clip(place + self.extra_clearance * away, *self.bed)
+        step = np.where(is_within(place, self.bed)[:, None], farther - place, 0.0)
         better, hits = move_corners_from_walls(
             tight, own, step, (least, queries.limit + leads), self.outlines
         )

@@ -67,6 +67,16 @@ def test_a_way_around_a_wall_stays_within_the_reach_of_detours() -> None:
     assert measure_detour_reach(profile(avoid_crossing=False)) == 0
 
 
+def test_a_way_around_a_wall_stays_on_the_bed() -> None:
+    depth = profile().printer.bed_y
+    three = shapely.union_all(
+        [shapely.box(x, depth - 8, x + wide, depth) for x, wide in ((0, 5), (7, 2), (11, 5))]
+    )
+    paths, travels = travelled(three, (4, depth - 1), (12, depth - 1))
+
+    assert way(paths, travels, 1)[:, 1].max() <= depth
+
+
 def test_a_way_that_would_graze_a_corner_keeps_away_from_it() -> None:
     """0.03 mm beside a corner of the hole it bends; 3 mm beside it it is straight."""
     for off, bends in ((0.03, 1), (3.0, 0)):
@@ -340,10 +350,12 @@ def test_avoiding_never_crosses_more(areas: Areas, seed: int) -> None:
 
 @given(areas=clean_areas(1), seed=seeds, by=st.tuples(st.integers(-90, 90), st.integers(-90, 90)))
 def test_ways_move_with_the_part(areas: Areas, seed: int, by: tuple[int, int]) -> None:
-    points = np.random.default_rng(seed).uniform(-15, 15, (12, 2))
+    points = np.random.default_rng(seed).uniform(95, 125, (12, 2))
     plan = LayerPlan.from_tops(np.array([0.2]))
-    here = Sections(plan, areas)
-    there = Sections(plan, Areas(areas.xy + by, areas.ring_start, areas.ring_layer, 1))
+    here, there = (
+        Sections(plan, Areas(areas.xy + 110 + shift, areas.ring_start, areas.ring_layer, 1))
+        for shift in ((0, 0), by)
+    )
     one = travel(places(here, points), here, profile())
     other = travel(places(there, points + by), there, profile())
 
