@@ -140,6 +140,8 @@ class ContouredLayers(Struct, frozen=True, eq=False):
         facets = ShallowFacets.of_triangles(triangles, float(slope.max()))
         above = (plan.bottom > _ROUNDING) & rule.find_contoured(plan.top)
         steepest = distinct(slope[above]).tolist() if len(facets.slope) else []
+        if not steepest:
+            return cls(plan, rule, (), np.zeros(plan.n_layers, np.bool_))
         groups = ((np.flatnonzero(above & (slope == one)), facets.take_up_to(one)) for one in steepest)
         low, high = triangles[:, :, 2].min(axis=1), triangles[:, :, 2].max(axis=1)
         found = _find_largest(low, high, measure_slopes(triangles), plan.bottom, plan.top)
