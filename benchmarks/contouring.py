@@ -175,7 +175,7 @@ def _make_row(mesh: Mesh, quality: str, n_points: int, rounds: int) -> str:
     made = [[_slice(mesh, quality, contoured=on) for on in (False, True)] for _ in range(rounds)]
     level, contoured = made[0]
     start = f"| {mesh.name} | {quality} "
-    if level.gcode == contoured.gcode:
+    if _list_commands(level.gcode) == _list_commands(contoured.gcode):
         return (
             f"{start}| same G-code | | | {level.minutes:.2f} | {level.moves} | | {_median_ratio(made):+.0%} |"
         )
@@ -200,6 +200,11 @@ def _slice(mesh: Mesh, quality: str, *, contoured: bool) -> Print:
     cpu = process_time() - start
     minutes = float(move_seconds(program, profile).sum()) / 60
     return Print(gcode_of(program, profile), minutes, program.n_moves, cpu)
+
+
+def _list_commands(gcode: bytes) -> list[bytes]:
+    """Return the lines of G-code without those that are comments, which list the settings."""
+    return [line for line in gcode.splitlines() if not line.startswith(b";")]
 
 
 def _median_ratio(made: Sequence[Sequence[Print]]) -> float:

@@ -446,6 +446,24 @@ def test_the_plan_with_level_layers_gives_the_same_print_again(changes: dict[str
     assert gcode_of(again.program, wanted) == gcode_of(stages.program, wanted)
 
 
+def test_a_loop_around_a_narrow_ridge_begins_with_its_lower_side() -> None:
+    stages = sliced(wedge(20.0, (12.0, 20.0)))
+    paths = stages.toolpaths
+    x = paths.xy[:, 0] - stages.part.bounds[0, 0]
+    first = paths.start[:-1]
+    width = np.maximum.reduceat(x, first) - np.minimum.reduceat(x, first)
+    narrow = np.flatnonzero(
+        paths.closed & (np.minimum.reduceat(paths.z_offset, first) < -0.03) & (width < 1.0)
+    )
+
+    assert len(narrow)
+    for path in narrow:
+        own = slice(paths.start[path], paths.start[path + 1])
+        along = np.append(0.0, np.cumsum(paths.steps()[own]))[:-1]
+        low = along[paths.z_offset[own] < paths.z_offset[own].min() / 2]
+        assert low.max() < 0.6 * paths.length()[path]
+
+
 def test_a_widened_section_is_that_at_half_of_the_least_height() -> None:
     mesh, profile = dome(), contoured(contour_max_slope_deg=40.0)
     sections = slice_stages(mesh, profile).sections

@@ -10,6 +10,7 @@ from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
+from printer_slicer.contouring.loop_starts import start_narrow_loops_low
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
 from printer_slicer.contouring.tops import BESIDE_RATIO
 from printer_slicer.contouring.z_profiles import (
@@ -75,7 +76,8 @@ def contour(paths: Toolpaths, bins: FacetBins, sections: Sections, rule: Contour
     the contoured surface ends. Paths that would change little keep their points and are flat.
 
     Args:
-        paths: in printing order; rows of infill that climb are printed from low to high afterwards.
+        paths: in printing order; rows of infill that climb are printed from low to high afterwards, and loops around
+            narrow places begin with their lower side.
         bins: the surfaces.
         sections: of all printed layers; surfaces under the next layer are not followed.
         rule: of contouring.
@@ -91,7 +93,8 @@ def contour(paths: Toolpaths, bins: FacetBins, sections: Sections, rule: Contour
     if not is_lowered.any():
         return paths
     kept = find_needed_points(z, positions, fine.share == 0) & is_lowered[fine.owner]
-    return print_from_low_to_high(_replace_points(paths, chosen, fine, kept, z))
+    lowered = _replace_points(paths, chosen, fine, kept, z)
+    return print_from_low_to_high(start_narrow_loops_low(lowered, rule.nozzle_flat))
 
 
 def _measure_steps(fine: FinePoints, closed: Bool) -> Float:
