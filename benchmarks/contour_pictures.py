@@ -30,7 +30,7 @@ _DEGREES: Final = 10.0
 _SIZE: Final = (9.0, 8.0)  # mm
 _SCALE: Final = 80.0  # px/mm
 _MARGIN: Final = 0.15  # mm
-_LEAST_CROSSING: Final = 0.2  # sine of the angle between the section and an extrusion
+_MIN_CROSSING: Final = 0.2  # sine of the angle between the section and an extrusion
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -85,7 +85,7 @@ def _draw_extrusions(stages: Stages, y: float, left: float) -> Iterator[str]:
     for move in np.flatnonzero(crosses):
         delta = end[move] - begin[move]
         sine = abs(delta[1]) / np.hypot(*delta[:2])
-        if sine < _LEAST_CROSSING:
+        if sine < _MIN_CROSSING:
             continue
         x, _, z = begin[move] + (y - begin[move, 1]) / delta[1] * delta
         bottom = program.plan.bottom[program.layer[move]]

@@ -17,7 +17,7 @@ _EQUAL = 2e-5  # mm; margin that a planner keeps to its tolerance
 _FINER = 0.001  # mm
 _NO_VOLUME = 1e-6  # mm³; smaller differences are rounding errors
 _MOST = 1.5  # times the peer's layers; the search ends at this number
-_LEAST_TOLERANCE, _WIDEST = 0.001, 1.0  # mm, the range of the setting
+_MIN_TOLERANCE, _WIDEST = 0.001, 1.0  # mm, the range of the setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class _Terms:
         self._judge, self._score = judge, row.score
         self._base: dict[str, object] = {
             "quality.planner.kind": "optimal",
-            "quality.tolerance": min(max(row.score.bound + _EQUAL / 2, _LEAST_TOLERANCE), 2.0),
+            "quality.tolerance": min(max(row.score.bound + _EQUAL / 2, _MIN_TOLERANCE), 2.0),
             # The peers choose among all heights; ours are all multiples of the step.
             "printer.z_step": step,
             "quality.layer_step": step,

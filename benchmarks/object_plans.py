@@ -41,7 +41,7 @@ CLOSE: Final = (0.005, 0.02)
 """Differences of minutes and of volume errors, as fractions, within which the single plan is interpolated."""
 SAME_PRICE: Final = 1.02
 """Ratio of two prices that are not divided any more."""
-MOST_TRIALS: Final = 5
+MAX_TRIALS: Final = 5
 """Most prices that are added for each of both interpolations."""
 STL: Final = ("bp_case.stl", "crazyradio.stl", "ringing_tower.stl", "benchy.3mf")
 INCH: Final = ("idler_riser.STL", "fandisk.obj", "torus.STL")
@@ -179,7 +179,7 @@ def _refine(
 
     Column 0 of `rows` are minutes, which increase with the price, column 1 errors, which decrease.
     """
-    for _ in range(MOST_TRIALS):
+    for _ in range(MAX_TRIALS):
         below, above = _find_neighbours(rows, wanted, column)
         if below == 0:
             ratio = above / 3

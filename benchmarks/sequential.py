@@ -48,7 +48,7 @@ _QUICK: Final = {
     "bottom_thickness": 0.3,
     "printer.z_hop": 0.4,
 }
-_MOST_PRINTED: Final = 3
+_MAX_PRINTED: Final = 3
 _AS_PLACED: Final = ps.Placement(as_placed=True)
 
 
@@ -129,7 +129,7 @@ def _check_rejection(plate: ps.Mesh, profile: ps.Profile) -> Outcome:
     for order in permutations(range(n)):
         if not any((a, b) in blocked for at, a in enumerate(order) for b in order[at + 1 :]):
             return Outcome(n, False, f"order {order} is possible")
-    pairs = sorted(blocked) if n <= _MOST_PRINTED else []
+    pairs = sorted(blocked) if n <= _MAX_PRINTED else []
     seen = [_is_contact_seen(stages[a].program, stages[b].program, profile) for a, b in pairs]
     return Outcome(n, False, "", len(pairs), sum(seen))
 

@@ -22,15 +22,15 @@ from printer_slicer.inspection.deposition.marks import Purpose
 __all__ = ["Figures", "Flat", "Place", "measure_supports"]
 
 _SIDEWAYS, _BELOW = 1.5, 0.85  # mm; an overhang with a support as near as this is held
-_LEAST_CARRIED: Final = 0.5  # share of the width of an extrusion that must lie over something
+_MIN_CARRIED: Final = 0.5  # share of the width of an extrusion that must lie over something
 _LONGEST_FREE: Final = 2.0  # mm of an extrusion with less than half its width over something
 _LONGEST_TURN: Final = 2.5  # mm of an extrusion between two places that carry it, such as two rows
 _LONGEST_SPAN: Final = 6.0  # mm, if it is straight
 _SAMPLE: Final = 0.1  # mm between points along extrusions
 _NEAR: Final = 1.0  # mm; free extrusions of a layer that are nearer are one place
 _CONTACT: Final = 0.65  # mm below the part, room for a gap and a thick bridge; more is no contact
-_LEAST_FLAT: Final = 4.0  # mm²
-_LEAST_HELD: Final = 0.2  # mm² of a level area right above supports; less is only the side of a branch
+_MIN_FLAT: Final = 4.0  # mm²
+_MIN_HELD: Final = 0.2  # mm² of a level area right above supports; less is only the side of a branch
 _FARTHEST_GAP: Final = 1.2  # mm
 _COARSE: Final = 5  # cells of the grid in a cell by which pieces are told apart
 _CLOSING: Final = 3  # coarse cells
@@ -218,7 +218,7 @@ def _add_floats(sums: _Sums, file: SupportFile, layer: SupportLayer, below: Carr
     length = (beads.length / count)[bead]
     path = file.path[layer.members][bead]
     across = side * beads.width[bead][:, None]
-    free = below.measure_share(at, across) < _LEAST_CARRIED
+    free = below.measure_share(at, across) < _MIN_CARRIED
     found: dict[str, list[Float]] = {"air": [], "sags": []}
     for ends in _groups_of(path):
         for run in _free_runs(at[ends], free[ends]):
@@ -412,13 +412,13 @@ def _flats(part: Extrusions, solid: Solid, overhang: Overhang, top: Float) -> li
     level = np.round(overhang.z, 2)
     for z in np.unique(level[overhang.is_flat]).tolist():
         cells = overhang.cell[overhang.is_flat & (level == z)]
-        if len(cells) * size < _LEAST_FLAT:
+        if len(cells) * size < _MIN_FLAT:
             continue
         own = np.flatnonzero(solid.grid.mask(cells).ravel()[solid.cell] & (np.abs(solid.low - z) < 0.006))
         held = own[np.isfinite(top[own])]
         bottom = _bottoms_above(part, z, solid)[solid.cell[held]]
         both = np.isfinite(bottom)
-        if np.count_nonzero(both) * size >= _LEAST_HELD:
+        if np.count_nonzero(both) * size >= _MIN_HELD:
             gap = float(bottom[both].min() - top[held][both].max())
             usual = float(np.median(bottom[both] - top[held][both]))
             found.append(Flat(z, round(len(cells) * size, 1), round(gap, 4), round(usual, 4)))

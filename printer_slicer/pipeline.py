@@ -72,7 +72,7 @@ __all__ = [
 ]
 
 
-_MOST_CHANGES: Final = 2  # of layers that break the tolerance
+_MAX_CHANGES: Final = 2  # of layers that break the tolerance
 
 _Divided: TypeAlias = tuple[list[Sections], list[Walls]]
 _Stages: TypeAlias = tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None]
@@ -279,7 +279,7 @@ def _make_ordered_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     from printer_slicer.planning.inexact_layers import change_inexact_layers  # noqa: PLC0415 - off by default
 
     known = None
-    for _ in range(_MOST_CHANGES):
+    for _ in range(_MAX_CHANGES):
         made, known = run(plan, keep=keep, trial=trial, known=known, is_last=False)
         changed = change_inexact_layers(made.stacks, profile)
         if changed is None:

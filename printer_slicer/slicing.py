@@ -50,7 +50,7 @@ __all__ = [
 _ROUNDING = 1e-3  # mm; ends this close are the same point
 _FINE = 0.002  # mm; contained contours are simplified by this tolerance and then offset by it
 _CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
-_MOST_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
+_MAX_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
 _BLOCKER_MARGIN = 0.01  # mm; blockers are grown by this, so that no slivers remain at their sides
 _PAINT_MARGIN = 0.1  # mm; painted facets are grown by this
@@ -401,7 +401,7 @@ def _check_guessed_length(chords: Chords, ring: Int, rings: Areas, gaps: list[Ga
     guessed = np.bincount(ring[wide], chords.width[wide], minlength=len(length))
     # A contour without area is a single sheet; a chord along it adds nothing.
     flat = np.abs(rings.ring_area()) <= _ROUNDING * length
-    bad = ((guessed > _MOST_GUESSED * length) & ~flat)[ring] & wide
+    bad = ((guessed > _MAX_GUESSED * length) & ~flat)[ring] & wide
     if bad.any():
         worst = next(gap for gap in gaps if gap.width == chords.width[bad].max())
         share = 100 * float(

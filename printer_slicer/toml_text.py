@@ -11,11 +11,11 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-__all__ = ["MOST_BYTES", "TomlError", "find_key_lines", "parse_toml"]
+__all__ = ["MAX_BYTES", "TomlError", "find_key_lines", "parse_toml"]
 
-MOST_BYTES: Final = 1 << 20
+MAX_BYTES: Final = 1 << 20
 """Size limit of a file; the largest shipped profile has 10 kB."""
-MOST_PARTS: Final = 32
+MAX_PARTS: Final = 32
 """Limit for the number of parts in a dotted key, and for the depth of nested tables or lists."""
 LONGEST_KEY: Final = 200
 LONGEST_TEXT: Final = 1 << 16
@@ -34,7 +34,7 @@ _WORD = re.compile(
     r'|"(?:\\.|[^"\\\n])*+"|\'[^\'\n]*+\'|#[^\n]*+|[\[{]|[\]}]|\n',
     re.DOTALL,
 )
-_MANY_PARTS = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
+_MANY_PARTS = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{MAX_PARTS}}}")
 _MANY_DIGITS = re.compile(r"(?:\d_?){4000}")
 
 
@@ -55,12 +55,12 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text.
 
     Raises:
-        TomlError: the text is invalid or exceeds a limit: `MOST_BYTES` characters, `MOST_PARTS` of a key or
+        TomlError: the text is invalid or exceeds a limit: `MAX_BYTES` characters, `MAX_PARTS` of a key or
             nesting levels, `LONGEST_KEY`, `LONGEST_TEXT`, `LARGEST`.
     """
-    if len(text) > MOST_BYTES:
-        raise TomlError(1, f"over {MOST_BYTES} characters")
-    if any(line.count(".") >= MOST_PARTS for line in text.splitlines()):
+    if len(text) > MAX_BYTES:
+        raise TomlError(1, f"over {MAX_BYTES} characters")
+    if any(line.count(".") >= MAX_PARTS for line in text.splitlines()):
         _check_dotted_keys(text)
     try:
         values = tomllib.loads(text)
@@ -85,7 +85,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 def _make_nesting_error(line: int) -> TomlError:
     """Return the error for a text with too many levels."""
-    return TomlError(line, f"more than {MOST_PARTS} nested tables or lists")
+    return TomlError(line, f"more than {MAX_PARTS} nested tables or lists")
 
 
 def _make_integer_error(line: int) -> TomlError:
@@ -111,7 +111,7 @@ def _find_too_deep_line(text: str) -> int:
     depth = 0
     for found in _WORD.finditer(text):
         depth += (found[0] in "[{") - (found[0] in "]}")
-        if depth > MOST_PARTS:
+        if depth > MAX_PARTS:
             return text.count("\n", 0, found.start()) + 1
     return 1
 
@@ -121,7 +121,7 @@ def _find_value_beyond_limits(values: Mapping[str, Any]) -> tuple[str, str] | No
     pending: list[tuple[str, int, Any]] = [("", 0, values)]
     while pending:
         key, depth, value = pending.pop()
-        if depth > MOST_PARTS:
+        if depth > MAX_PARTS:
             return key, _make_nesting_error(1).reason
         if isinstance(value, dict):
             long = next((name for name in value if len(name) > LONGEST_KEY), None)

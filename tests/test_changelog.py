@@ -9,7 +9,7 @@ import pytest
 from benchmarks.changelog import ROOT, main, section, with_section
 from printer_slicer.version import VERSION
 
-MOST_WORDS = 800  # of a section
+MAX_WORDS = 800  # of a section
 ONE = "### Added\n- a flag\n  of two lines\n- another\n\n### Fixed\n- a fault\n"
 OTHER = "### Fixed\n- a second fault\n### Removed\n- a format\n"
 
@@ -61,7 +61,7 @@ def test_a_version_is_written_once() -> None:
 def test_every_fragment_of_this_project_is_sound() -> None:
     fragments = {path.name: path.read_text(encoding="utf-8") for path in ROOT.glob("changelog.d/*.md")}
 
-    assert not fragments or len(section(VERSION, fragments).split()) <= MOST_WORDS
+    assert not fragments or len(section(VERSION, fragments).split()) <= MAX_WORDS
 
 
 def test_every_place_that_tells_the_version_tells_the_same() -> None:

@@ -28,7 +28,7 @@ __all__ = ["ROTATIONS", "arrange_outlines"]
 ROTATIONS: Final = tuple(float(angle) for angle in range(0, 360, 45))
 """Rotations about z that are tried, degrees."""
 
-_MOST_CELLS: Final = 250  # along the longer side of a plate
+_MAX_CELLS: Final = 250  # along the longer side of a plate
 _SMALLEST_CELL: Final = 0.5  # mm
 _RANDOM_ORDERS: Final = 5
 _FINAL_ORDERS: Final = 2  # that are tried on the fine raster
@@ -62,7 +62,7 @@ def arrange_outlines(
     Raises:
         PartError: a part does not fit an empty plate.
     """
-    cell = max(float(free_area.size.max()) / _MOST_CELLS, _SMALLEST_CELL)
+    cell = max(float(free_area.size.max()) / _MAX_CELLS, _SMALLEST_CELL)
     coarse = _list_footprints(outlines, gap, 2 * cell)
     for name, own in zip(names, coarse, strict=True):
         _check_size(name, own, free_area, remedy)

@@ -20,7 +20,7 @@ from printer_slicer.geometry.raster import Float32
 __all__ = ["Packer", "Packing", "PlacedPart", "PlateCells"]
 
 _Spectrum = NDArray[np.complexfloating[Any, Any]]
-_LEAST_COUNT: Final = 0.5  # of cells; lower results of the transform are 0, apart from rounding
+_MIN_COUNT: Final = 0.5  # of cells; lower results of the transform are 0, apart from rounding
 _CONTACT_REACH: Final = 3  # cells; within this distance of edges and other parts, contact counts
 
 
@@ -192,7 +192,7 @@ def _find_best_place(
         n_touched = int(footprint.touched.sum())
         if min(places) <= 0 or n_touched > n_free:
             continue
-        is_free = _correlate(taken * own, plate.taken.shape, places) < _LEAST_COUNT
+        is_free = _correlate(taken * own, plate.taken.shape, places) < _MIN_COUNT
         if not is_free.any():
             continue
         cost = np.where(is_free, _correlate(cell_cost * own, plate.taken.shape, places) / n_touched, np.inf)

@@ -29,7 +29,7 @@ __all__ = [
     "reject_positions_with_copies",
 ]
 
-_MOST_NAMED = 6  # parts of a plate
+_MAX_NAMED = 6  # parts of a plate
 
 
 class ArrangedPlates(NamedTuple):
@@ -182,6 +182,6 @@ def describe_other_plates(parts: Sequence[dict[str, Any]]) -> str:
     described = []
     for number in sorted({part["plate"] for part in parts if part["plate"] > 1}):
         listed = list_with_counts(part["name"] for part in parts if part["plate"] == number)
-        more = [f"{len(listed) - _MOST_NAMED} others"] if len(listed) > _MOST_NAMED else []
-        described.append(f"plate {number}: {', '.join([*listed[:_MOST_NAMED], *more])}")
+        more = [f"{len(listed) - _MAX_NAMED} others"] if len(listed) > _MAX_NAMED else []
+        described.append(f"plate {number}: {', '.join([*listed[:_MAX_NAMED], *more])}")
     return "; ".join(described)

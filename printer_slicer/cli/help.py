@@ -30,7 +30,7 @@ __all__ = [
 SHORT_LINES: Final = 40
 """Maximum number of lines of `--help`."""
 
-_MOST_EXAMPLES: Final = 4  # in `--help`, if it does not show all options
+_MAX_EXAMPLES: Final = 4  # in `--help`, if it does not show all options
 _FLAG: Final = re.compile(r"(?<!\S)--[a-z-]+")
 _COLUMNS: Final = 80  # if the output is not a terminal
 _LINES_BELOW: Final = 2  # a blank line and the line that names --help-all
@@ -158,7 +158,7 @@ def format_help(parser: argparse.ArgumentParser, *, everything: bool = True) -> 
     lines = format_with_examples(examples[:1], lambda one: not is_advanced(one)).count("\n")
     room = SHORT_LINES - _LINES_BELOW - lines + 1
     short = format_with_examples(
-        examples[: min(max(room, 1), _MOST_EXAMPLES)], lambda one: not is_advanced(one)
+        examples[: min(max(room, 1), _MAX_EXAMPLES)], lambda one: not is_advanced(one)
     )
     return f"{short}\nAll options: {parser.prog} --help-all\n"
 

@@ -45,8 +45,8 @@ __all__ = [
     "require_no_errors",
 ]
 
-_MOST_SHOWN = 5  # findings, without --verbose
-_MOST_ERRORS = 12  # errors of a rejected job, without --verbose
+_MAX_SHOWN = 5  # findings, without --verbose
+_MAX_ERRORS = 12  # errors of a rejected job, without --verbose
 
 
 def _has_gcode(arguments: argparse.Namespace) -> bool:
@@ -177,7 +177,7 @@ def format_note_sentences(
         faults: what a dry run found; warnings that repeat it are left out.
     """
     shown = list_notes(job, faults)
-    most = len(shown) if arguments.verbose else _MOST_SHOWN
+    most = len(shown) if arguments.verbose else _MAX_SHOWN
     more = [f"... and {len(shown) - most} more (-v shows all)"] if len(shown) > most else []
     return [*(sentence(one) for one in shown[:most]), *more]
 
@@ -195,7 +195,7 @@ def format_notes(arguments: argparse.Namespace, job: Job, faults: Collection[Dia
 
 def format_errors(arguments: argparse.Namespace, errors: Sequence[str]) -> list[str]:
     """Format errors as lines of the output; a single error gets no line, because the final message names it."""
-    most = len(errors) if arguments.verbose else _MOST_ERRORS
+    most = len(errors) if arguments.verbose else _MAX_ERRORS
     more = [f"error       ... and {len(errors) - most} more (-v shows all)"] if len(errors) > most else []
     return [*(f"error       {one}" for one in errors[:most]), *more] if len(errors) > 1 else []
 

@@ -50,7 +50,7 @@ __all__ = [
 ]
 
 _SMALLEST_GAP = 0.01  # mm above the bed; a part that starts higher is reported
-_MOST_SHOWN = 3
+_MAX_SHOWN = 3
 
 
 class Plate(Struct, frozen=True, eq=False):
@@ -250,7 +250,7 @@ def _collect_parts(
     if split := [path.name for path, own in files.items() if len(own) > 1]:
         return parts, f"the parts of {split[0]} are oriented one by one"
     is_placed = arguments.as_placed or arguments.center is not None
-    overlaps = _describe_overlapping_files(arguments.models, parts, _MOST_SHOWN if is_placed else 1)
+    overlaps = _describe_overlapping_files(arguments.models, parts, _MAX_SHOWN if is_placed else 1)
     return parts, explain_arranging(arguments, parts, overlaps, printer) or None
 
 
@@ -409,7 +409,7 @@ def _reject_overlapping_objects(files: Mapping[Path, _LoadedFile]) -> None:
             )
 
 
-def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str], most: int = _MOST_SHOWN) -> str:
+def _describe_overlaps(overlaps: Iterable[Overlap], names: Sequence[str], most: int = _MAX_SHOWN) -> str:
     """Describe the first overlaps of parts with these names, at most `most`; return an empty text if there are none."""
     found = list(islice(overlaps, most + 1))
     described = [

@@ -34,8 +34,8 @@ __all__ = [
 
 _PLANNER_RANGE_SETTINGS = ("tolerance", "layer_height")  # settings that the layer planner reads from --range
 _RANGE_SETTINGS: Final = ("planner.ranges", "planner.ranges+", "ranges")
-_MOST_SHOWN: Final = 80  # characters of a setting or note in a message
-_MOST_CHANGES: Final = 4  # changes of a profile that the first line names
+_MAX_SHOWN: Final = 80  # characters of a setting or note in a message
+_MAX_CHANGES: Final = 4  # changes of a profile that the first line names
 """Comment with the name of the machine: in files of Cura, of FlashPrint, and of PrusaSlicer and its forks."""
 
 
@@ -182,8 +182,8 @@ def _format_changes(changes: Mapping[str, str]) -> str:
         words.insert(0, f"uniform layers of {height}")
     else:
         words[:0] = [f"layer_height={height}"] * bool(height) + [f"planner {planner}"] * bool(planner)
-    if len(words) > _MOST_CHANGES + 1:
-        words[_MOST_CHANGES:] = [f"{len(words) - _MOST_CHANGES} more changes"]
+    if len(words) > _MAX_CHANGES + 1:
+        words[_MAX_CHANGES:] = [f"{len(words) - _MAX_CHANGES} more changes"]
     *others, last = words or [""]
     return f" with {', '.join(others)}{' and ' if others else ''}{last}" if last else ""
 
@@ -273,7 +273,7 @@ def _describe_translation(setting: FamiliarSetting, changes: Sequence[str]) -> s
     from textwrap import shorten
 
     typed, made, notes = (
-        [shorten(" ".join(one.split()), _MOST_SHOWN, placeholder=" ...") for one in texts]
+        [shorten(" ".join(one.split()), _MAX_SHOWN, placeholder=" ...") for one in texts]
         for texts in (setting.typed, changes, setting.notes)
     )
     verb = "sets" if len(typed) == 1 else "set"

@@ -88,7 +88,7 @@ def read_faults(arguments: argparse.Namespace) -> Faults | None:
     from printer_slicer.input_files import read_input
     from printer_slicer.sim.fault_script import read_script
     from printer_slicer.sim.faults import Faults
-    from printer_slicer.toml_text import MOST_BYTES
+    from printer_slicer.toml_text import MAX_BYTES
 
     if arguments.faults is None:
         if arguments.seed is not None:
@@ -97,7 +97,7 @@ def read_faults(arguments: argparse.Namespace) -> Faults | None:
             )
         return None
     try:
-        text = read_input(arguments.faults, MOST_BYTES).decode("utf-8")
+        text = read_input(arguments.faults, MAX_BYTES).decode("utf-8")
     except OSError as error:
         raise UsageError(
             f"{arguments.faults}: the fault script cannot be read: {error.strerror}",

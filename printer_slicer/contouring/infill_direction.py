@@ -12,7 +12,7 @@ from printer_slicer.roles import roles_with
 
 __all__ = ["print_from_low_to_high"]
 
-_LEAST_CORRELATION: Final = 0.3  # of height and order; less is a row that goes up and down
+_MIN_CORRELATION: Final = 0.3  # of height and order; less is a row that goes up and down
 
 
 def print_from_low_to_high(paths: Toolpaths) -> Toolpaths:
@@ -58,4 +58,4 @@ def _find_falling_groups(paths: Toolpaths, group: Int) -> Bool:
     product, one, other = (
         np.bincount(number, values * length, minlength=n_groups) for values in (along * z, along**2, z**2)
     )
-    return np.asarray(product < -_LEAST_CORRELATION * np.sqrt(one * other) - 1e-12)
+    return np.asarray(product < -_MIN_CORRELATION * np.sqrt(one * other) - 1e-12)

@@ -12,7 +12,7 @@ from printer_slicer.model import Toolpaths
 
 __all__ = ["start_narrow_loops_low"]
 
-_LEAST_FALL: Final = 0.03  # mm; loops that change less are pressed little
+_MIN_FALL: Final = 0.03  # mm; loops that change less are pressed little
 _TURN: Final = 2 * np.pi
 
 
@@ -49,7 +49,7 @@ def _are_narrow_and_sloped(paths: Toolpaths, nozzle_flat: float) -> Bool:
     around = paths.xy - paths.xy[first][paths.path_of_point]
     twice = np.abs(np.add.reduceat(cross(around, around[paths.following]), first))
     # A strip has twice its area in its length times its width.
-    return np.asarray(paths.closed & (fall > _LEAST_FALL) & (twice < nozzle_flat * paths.length()))
+    return np.asarray(paths.closed & (fall > _MIN_FALL) & (twice < nozzle_flat * paths.length()))
 
 
 def _find_low_starts(loops: Toolpaths) -> Int:

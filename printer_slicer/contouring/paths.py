@@ -29,7 +29,7 @@ __all__ = ["contour", "find_contoured_paths", "find_paths_near"]
 
 _SPACING: Final = 0.25  # mm, maximum distance of the points at which the height of the surface is found
 _COARSE_SPACING: Final = 0.5  # mm, of the points at which surfaces are searched for
-_LEAST_DEPTH: Final = 0.01  # mm; paths that are nowhere lower than their layer by this much stay flat
+_MIN_DEPTH: Final = 0.01  # mm; paths that are nowhere lower than their layer by this much stay flat
 _ROUNDING: Final = 1e-9  # mm
 _HIGHER: Final = 1e-3  # mm
 _CONTOURED_ROLES: Final = (
@@ -89,7 +89,7 @@ def contour(paths: Toolpaths, bins: FacetBins, sections: Sections, rule: Contour
     fine = FinePoints.of(some, _SPACING)
     positions = Positions.from_steps(_measure_steps(fine, some.closed), fine.start, some.closed)
     z = _find_offsets(some, fine, positions, (bins, sections), rule)
-    is_lowered = np.minimum.reduceat(z, fine.start[:-1]) < -_LEAST_DEPTH
+    is_lowered = np.minimum.reduceat(z, fine.start[:-1]) < -_MIN_DEPTH
     if not is_lowered.any():
         return paths
     kept = find_needed_points(z, positions, fine.share == 0) & is_lowered[fine.owner]
@@ -155,7 +155,7 @@ def _is_clear_beside(
     result = np.ones(len(facet), np.bool_)
     for xy in (points.xy - side, points.xy + side):
         z = bins.measure_heights(xy, facet)
-        is_inside = (z > points.bottom + rule.min_height) & (z < points.top - _LEAST_DEPTH)
+        is_inside = (z > points.bottom + rule.min_height) & (z < points.top - _MIN_DEPTH)
         beside = replace(points, xy=xy, steepest=BESIDE_RATIO * points.steepest)
         result[is_inside] &= bins.find_facets(beside.take(np.flatnonzero(is_inside))) >= 0
     return result

@@ -18,7 +18,7 @@ __all__ = ["BESIDE_RATIO", "Tops", "find_tops", "list_reached_layers"]
 BESIDE_RATIO: Final = 1.5
 """Beside followed surfaces may be surfaces up to this many times as steep."""
 _ROUNDING: Final = 1e-6  # of tangents
-_LEAST_REACH: Final = 0.005  # mm; a facet that reaches less far into a layer lies on its border
+_MIN_REACH: Final = 0.005  # mm; a facet that reaches less far into a layer lies on its border
 
 
 class Tops(Struct, frozen=True, eq=False):
@@ -92,8 +92,8 @@ def list_reached_layers(
     last = np.searchsorted(plan.top, high + most + float(plan.height.max()), side="right")
     facet, place = expand_counts(np.maximum(last - first, 0))
     layer = first[facet] + place
-    reaches = plan.bottom[layer] - beyond[layer] < high[facet] - _LEAST_REACH
-    reaches &= plan.top[layer] + beyond[layer] > low[facet] + _LEAST_REACH
+    reaches = plan.bottom[layer] - beyond[layer] < high[facet] - _MIN_REACH
+    reaches &= plan.top[layer] + beyond[layer] > low[facet] + _MIN_REACH
     reaches &= slope[facet] <= BESIDE_RATIO * steepest[layer] + _ROUNDING
     facet, layer = facet[reaches], layer[reaches]
     order = np.argsort(layer, kind="stable")

@@ -38,7 +38,7 @@ _COLOURS: Final = {
 }
 _OTHER_COLOUR: Final = "#4477aa"
 _HEIGHT_STEP: Final = 0.05  # mm
-_MOST_STEPS, _LIGHTEST_STEP = 20, 5
+_MAX_STEPS, _LIGHTEST_STEP = 20, 5
 _HEIGHT_COLOURS: Final = "#3b0f70", "#e6e6f2"  # of the lowest and the highest contoured extrusions
 _LIGHT: Final = 0.25  # fraction of white in the colours, so that dark colours keep a visible edge
 
@@ -52,7 +52,7 @@ def find_kinds(layer: LayerExtrusions) -> tuple[Int, list[tuple[str, str]]]:
     beads = layer.beads
     contoured = beads.is_contoured
     # The number of the height range of contoured extrusions takes the place of name and role.
-    steps = np.clip(np.nan_to_num(beads.height) / _HEIGHT_STEP, 0, _MOST_STEPS - 1).astype(np.int64)
+    steps = np.clip(np.nan_to_num(beads.height) / _HEIGHT_STEP, 0, _MAX_STEPS - 1).astype(np.int64)
     pairs = np.stack([np.where(contoured, -1, layer.name), np.where(contoured, steps, beads.purpose)], axis=1)
     kinds, kind = np.unique(pairs, axis=0, return_inverse=True)
     return kind.ravel(), [

@@ -20,7 +20,7 @@ _SIDE, _TITLE, _LETTERS = 12, 34, 15  # px
 _NARROWEST: Final = 360  # px
 _SHADOW: Final = 0.35  # brightness of colours in full shadow
 _ROUND_END: Final = 0.25  # widths by which a prism is longer than its centre line, so that corners are closed
-_LEAST_HEIGHT: Final = 0.01  # mm
+_MIN_HEIGHT: Final = 0.01  # mm
 
 
 def draw_gcode_layers_3d(layers: LayerExtrusions, title: str, pixels: int = 1000) -> Picture:
@@ -81,8 +81,8 @@ def _make_prisms(beads: Extrusions, which: Int) -> Float:
     right one, and back over the lower side. The first six are those at the begin.
     """
     begin, end = beads.begin[which], beads.end[which]
-    height = np.maximum(np.nan_to_num(beads.height[which], nan=_LEAST_HEIGHT), _LEAST_HEIGHT)
-    width = np.maximum(np.nan_to_num(beads.width[which], nan=_LEAST_HEIGHT), height)
+    height = np.maximum(np.nan_to_num(beads.height[which], nan=_MIN_HEIGHT), _MIN_HEIGHT)
+    width = np.maximum(np.nan_to_num(beads.width[which], nan=_MIN_HEIGHT), height)
     way = end - begin
     along = way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
     left = np.column_stack([-along[:, 1], along[:, 0]])

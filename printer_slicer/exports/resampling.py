@@ -49,7 +49,7 @@ _STEP: Final = 0.75
 _MOVE_FRACTION: Final = 0.49  # of the distance to another ring: how far a point may move
 _CHORD_FRACTION: Final = 0.24  # of the distance to another ring: how far a chord may deviate
 _STILL: Final = 1e-9  # mm; less than this is rounding
-_MOST_POINTS: Final = 20_000_000
+_MAX_POINTS: Final = 20_000_000
 
 
 def smooth(areas: Areas, bound: float) -> Areas:
@@ -106,9 +106,9 @@ def resample(areas: Areas, spacing: float, bound: float) -> Areas:
         )
     if not areas.n_rings:
         return areas
-    if float(areas.ring_length().sum()) / spacing > _MOST_POINTS:
+    if float(areas.ring_length().sum()) / spacing > _MAX_POINTS:
         raise UsageError(
-            f"a distance of {spacing:g} mm between points gives more than {_MOST_POINTS // 10**6} million points",
+            f"a distance of {spacing:g} mm between points gives more than {_MAX_POINTS // 10**6} million points",
             remedy="Choose a larger distance",
         )
     corners = _mark_needed_points(areas, _mark_ring_thirds(areas), bound)

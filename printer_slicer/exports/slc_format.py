@@ -28,7 +28,7 @@ from printer_slicer.model import LayerPlan, Sections
 __all__ = ["has_uneven_heights", "write_slc"]
 
 _RESERVED = bytes(256)
-_MOST_RUNS = 255  # the number of table entries is one byte
+_MAX_RUNS = 255  # the number of table entries is one byte
 _END = 0xFFFFFFFF
 _MULTIPLE = 1e-6  # of a thickness
 
@@ -78,9 +78,9 @@ def _format_header(rounded: RoundedRings, top: float) -> bytes:
 def _encode_sampling_table(plan: LayerPlan) -> bytes:
     """Return the sampling table: an entry for each run of layers of equal thickness."""
     runs = plan.runs()
-    if len(runs) > _MOST_RUNS:
+    if len(runs) > _MAX_RUNS:
         raise OutputError(
-            f"an SLC file has at most {_MOST_RUNS} runs of equal layers; this plan has {len(runs)}",
+            f"an SLC file has at most {_MAX_RUNS} runs of equal layers; this plan has {len(runs)}",
             remedy="Plan with fewer different heights (`layer_heights`), or write .cli or .svg",
         )
     counts = np.array([count for count, _ in runs])

@@ -30,7 +30,7 @@ __all__ = ["SVG_DIGITS", "write_svg", "write_svgs"]
 SVG_DIGITS: Final = 3
 """Default number of decimals: coordinates are whole micrometres."""
 
-_MOST_DIGITS = 6
+_MAX_DIGITS = 6
 
 
 def write_svg(sections: Sections, *, digits: int = SVG_DIGITS) -> bytes:
@@ -64,10 +64,10 @@ def write_svgs(sections: Sections, *, digits: int = SVG_DIGITS) -> Iterator[tupl
 
 def _prepare_drawing(sections: Sections, digits: int) -> tuple[str, list[str]]:
     """Return the start of the SVG file and the path data of each layer."""
-    if not 0 <= digits <= _MOST_DIGITS:
+    if not 0 <= digits <= _MAX_DIGITS:
         raise UsageError(
             f"an SVG cannot have {digits} digits after the decimal point",
-            remedy=f"Choose a number between 0 and {_MOST_DIGITS}",
+            remedy=f"Choose a number between 0 and {_MAX_DIGITS}",
         )
     rounded = round_to_grid(sections.solid, 10.0**-digits)
     box = (

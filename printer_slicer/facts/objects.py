@@ -14,7 +14,7 @@ from printer_slicer.texts import format_duration, format_significant
 
 __all__ = ["collect_object_facts", "format_object_sentences"]
 
-_MOST_SHOWN = 6  # objects in a sentence
+_MAX_SHOWN = 6  # objects in a sentence
 
 
 def collect_object_facts(stages: Stages, profile: Profile, seconds: Float) -> list[dict[str, Any]]:
@@ -54,11 +54,9 @@ def format_object_sentences(objects: Sequence[dict[str, Any]]) -> list[str]:
         return []
     shown = [
         f"{one['name']} {format_duration(one['seconds'])}, {format_significant(one['filament_g'])} g"
-        for one in objects[:_MOST_SHOWN]
+        for one in objects[:_MAX_SHOWN]
     ]
     more = (
-        [f"{len(objects) - _MOST_SHOWN} more (the JSON output lists all)"]
-        if len(objects) > _MOST_SHOWN
-        else []
+        [f"{len(objects) - _MAX_SHOWN} more (the JSON output lists all)"] if len(objects) > _MAX_SHOWN else []
     )
     return [f"Objects: {'; '.join([*shown, *more])}"]

@@ -22,7 +22,7 @@ __all__ = [
     "list_unused_volume_warnings",
 ]
 
-_MOST_PLACES: Final = 3  # places of each kind that are listed
+_MAX_PLACES: Final = 3  # places of each kind that are listed
 
 
 def collect_overhang_facts(stages: Stages, profile: Profile) -> dict[str, Any] | None:
@@ -56,7 +56,7 @@ def list_blocked_island_warnings(stages: Stages) -> list[str]:
     """Return a warning about each of the largest islands that get no support because they are blocked."""
     blocked = sorted(stages.overhangs.blocked if stages.overhangs else (), key=lambda place: -place.area)
     warnings = []
-    for place in blocked[:_MOST_PLACES]:
+    for place in blocked[:_MAX_PLACES]:
         x, y, z = (np.array([place.x, place.y, place.z]) + stages.shift).tolist()
         warnings.append(
             f"an island of {format_significant(place.area)} mm² at x, y, z {x:.1f}, {y:.1f}, {z:.1f} begins with "
@@ -91,14 +91,14 @@ def list_unused_volume_warnings(stages: Stages, profile: Profile) -> list[str]:
 
 def _list_idle_warnings(idle: Sequence[UnsupportedPlace], reason: str, stages: Stages) -> list[str]:
     """Return a warning about each of the first enforcers or blockers without effect."""
-    places = [(np.array([one.x, one.y, one.z]) + stages.shift).tolist() for one in idle[:_MOST_PLACES]]
+    places = [(np.array([one.x, one.y, one.z]) + stages.shift).tolist() for one in idle[:_MAX_PLACES]]
     return [f"{reason} at x, y, z {x:.1f}, {y:.1f}, {z:.1f}, so it has no effect" for x, y, z in places]
 
 
 def _list_largest(areas: Areas, z: Float, shift: Float) -> list[dict[str, float]]:
     """Return the middle, the lower side (A,) and the area of the largest areas (A entries), the largest first."""
     size: Float = areas.area()
-    largest: Int = np.argsort(-size, kind="stable")[:_MOST_PLACES]
+    largest: Int = np.argsort(-size, kind="stable")[:_MAX_PLACES]
     low, high = areas.boxes()
     place = np.column_stack([(low + high) / 2, z])[largest] + shift
     return [

@@ -36,8 +36,8 @@ __all__ = [
 _LOST_SHARE = 0.002  # smallest share of the part's volume whose loss is reported
 _SMALLEST_AREA = 0.01  # mm²; smaller areas are not reported
 _SMALLEST_LENGTH = 0.01  # mm; smaller lengths are not reported
-_MOST_RUNS = 6  # runs of equal layers shown per plan
-_MOST_PLACES = 10  # positions listed per fault or repair
+_MAX_RUNS = 6  # runs of equal layers shown per plan
+_MAX_PLACES = 10  # positions listed per fault or repair
 
 
 def collect_slicing_facts(
@@ -143,7 +143,7 @@ def _collect_mesh_fault_facts(part: Mesh, shift: Float) -> dict[str, Any]:
     faults = find_mesh_faults(part)
     named = {"open": faults.open_edges, "flipped": faults.flipped_edges, "crowded": faults.crowded_edges}
     return {
-        name: {"count": len(places), "places": np.round(places[:_MOST_PLACES] + shift, 4).tolist()}
+        name: {"count": len(places), "places": np.round(places[:_MAX_PLACES] + shift, 4).tolist()}
         for name, places in named.items()
         if len(places)
     }
@@ -257,7 +257,7 @@ def list_repair_facts(repairs: Repairs) -> list[dict[str, Any]]:
         {
             "kind": one.kind,
             "count": one.count,
-            "places": np.round(one.places[:_MOST_PLACES], 4).tolist(),
+            "places": np.round(one.places[:_MAX_PLACES], 4).tolist(),
             "largest_gap_mm": round(one.widest, 6),
             "area_guessed_mm2": round(one.area, 4),
         }
@@ -480,16 +480,16 @@ def format_violation_sentences(facts: dict[str, Any]) -> list[str]:
     lines += [
         f"{one['objects'] + ': ' if 'objects' in one else ''}"
         f"{_VIOLATION_TEXTS[one['rule']].format(wanted=wanted, **one)}; {one['cause']}"
-        for one in violations[:_MOST_RUNS]
+        for one in violations[:_MAX_RUNS]
     ]
-    if len(violations) > _MOST_RUNS:
-        lines.append(f"{len(violations) - _MOST_RUNS} more violated rules are in the JSON output")
+    if len(violations) > _MAX_RUNS:
+        lines.append(f"{len(violations) - _MAX_RUNS} more violated rules are in the JSON output")
     return lines
 
 
 def format_runs(runs: list[tuple[int, float]] | list[list[float]]) -> str:
     """Format runs of equal layers as `75 x 0.4, 225 x 0.1 mm`, or as a range of heights if there are many runs."""
-    if len(runs) > _MOST_RUNS:
+    if len(runs) > _MAX_RUNS:
         heights = [height for _, height in runs]
         return f"{len(set(heights))} heights from {min(heights):g} to {max(heights):g} mm"
     return ", ".join(f"{count:g} x {height:g}" for count, height in runs) + " mm"

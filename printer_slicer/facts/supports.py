@@ -20,9 +20,9 @@ from printer_slicer.texts import format_count, format_duration, format_significa
 
 __all__ = ["collect_support_facts", "format_support_sentences"]
 
-_MOST_PLACES: Final = 3  # places without support that are told
-_MOST_LISTED: Final = 20  # the same in JSON
-_LEAST_COLUMN: Final = 0.1  # mm² in all layers; less is rounding
+_MAX_PLACES: Final = 3  # places without support that are told
+_MAX_LISTED: Final = 20  # the same in JSON
+_MIN_COLUMN: Final = 0.1  # mm² in all layers; less is rounding
 _CONTACT_DEPTH: Final = 0.55  # mm below a support, up to which the part carries it
 
 
@@ -68,7 +68,7 @@ def _name_style(supports: Supports, profile: Profile) -> str:
     if not len(supports.branches):
         return "tree" if list_support_styles(profile) <= {"tree", "off"} else "columns"
     columns = supports.base.of_layers(np.arange(1, supports.base.n_layers)).area().sum()
-    is_mixed = columns - supports.hollow.area().sum() > _LEAST_COLUMN
+    is_mixed = columns - supports.hollow.area().sum() > _MIN_COLUMN
     return "columns and tree" if is_mixed else "tree"
 
 
@@ -87,7 +87,7 @@ def _measure_area_on_part(supports: Supports, area: Areas, part: Sections) -> fl
 
 def _list_largest(unsupported: tuple[UnsupportedPlace, ...], stages: Stages) -> list[dict[str, Any]]:
     """Return the largest places without support, islands first."""
-    places = sorted(unsupported, key=lambda place: (not place.is_island, -place.area))[:_MOST_LISTED]
+    places = sorted(unsupported, key=lambda place: (not place.is_island, -place.area))[:_MAX_LISTED]
     shift = stages.shift.tolist()
     return [
         {
@@ -113,13 +113,13 @@ def _list_grips(supports: Supports, stages: Stages) -> list[dict[str, float]]:
             "z_min": round(grip.low + shift[2], 4),
             "z_max": round(grip.high + shift[2], 4),
         }
-        for grip in find_grips(supports, stages.sections)[:_MOST_LISTED]
+        for grip in find_grips(supports, stages.sections)[:_MAX_LISTED]
     ]
 
 
 def _list_slim_pieces(supports: Supports, stages: Stages) -> list[dict[str, float]]:
     """Return the pieces of supports that are slim for their height, the slimmest first."""
-    slim = sorted(find_slim_pieces(supports), key=lambda piece: -piece.slimness)[:_MOST_LISTED]
+    slim = sorted(find_slim_pieces(supports), key=lambda piece: -piece.slimness)[:_MAX_LISTED]
     shift = stages.shift.tolist()
     return [
         {
@@ -146,12 +146,12 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     )
     amount = f"{format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
     lines = ["Supports: none can be printed" if name == "none" else f"Supports ({name}): {amount}"]
-    for place in facts["unsupported_places"][:_MOST_PLACES]:
+    for place in facts["unsupported_places"][:_MAX_PLACES]:
         what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"
         lines.append(
             f"Unsupported: {what} at x, y, z {place['x']:.1f}, {place['y']:.1f}, {place['z']:.1f}: {place['reason']}"
         )
-    if len(facts["unsupported_places"]) > _MOST_PLACES:
+    if len(facts["unsupported_places"]) > _MAX_PLACES:
         islands = (
             f", {format_count(facts['unsupported_islands'], 'island')}"
             if facts["unsupported_islands"]

@@ -16,7 +16,7 @@ from printer_slicer.texts import format_duration
 __all__ = ["collect_end_facts", "collect_layer_facts", "collect_print_facts"]
 
 _DECIMALS = 6
-_MOST_TOOLS = 255
+_MAX_TOOLS = 255
 
 
 def collect_print_facts(
@@ -117,7 +117,7 @@ def _collect_extruder_facts(profile: Profile, objects: int) -> dict[str, Value]:
         "num_instances": max(objects, 1),
         "num_extruders": len(tools),
         "num_printing_extruders": len(tools),
-        "is_extruder_used": Items(tool in tools for tool in range(_MOST_TOOLS)),
+        "is_extruder_used": Items(tool in tools for tool in range(_MAX_TOOLS)),
         "has_wipe_tower": False,
         "has_single_extruder_multi_material_priming": False,
         "total_toolchanges": len(tools) - 1,

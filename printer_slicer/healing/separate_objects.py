@@ -14,7 +14,7 @@ from printer_slicer.values import replace
 
 __all__ = ["are_separate", "repair_objects"]
 
-_LEAST_DISTANCE: Final = 0.5  # mm; nearer objects may close each other's holes
+_MIN_DISTANCE: Final = 0.5  # mm; nearer objects may close each other's holes
 
 
 def are_separate(mesh: Mesh) -> bool:
@@ -26,7 +26,7 @@ def are_separate(mesh: Mesh) -> bool:
     low, high = (np.array([getattr(item, side) for item in items]) for side in ("low", "high"))
     gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
     np.fill_diagonal(gap, np.inf)
-    return bool((gap >= _LEAST_DISTANCE).all())
+    return bool((gap >= _MIN_DISTANCE).all())
 
 
 def repair_objects(mesh: Mesh) -> tuple[Mesh, Repairs]:

@@ -16,7 +16,7 @@ __all__ = ["read_archive", "read_text"]
 
 _LARGEST_FILE: Final = 50_000_000  # bytes; vendors' bundles have a few million
 _LARGEST_MEMBER: Final = 20_000_000  # bytes of one text in an archive
-_MOST_MEMBERS: Final = 50  # texts that are read from an archive
+_MAX_MEMBERS: Final = 50  # texts that are read from an archive
 
 
 def read_text(path: Path) -> str:
@@ -57,7 +57,7 @@ def read_archive(path: Path, names: AbstractSet[str] | None = None) -> dict[str,
     try:
         with zipfile.ZipFile(path) as archive:
             present = (
-                archive.namelist()[:_MOST_MEMBERS]
+                archive.namelist()[:_MAX_MEMBERS]
                 if names is None
                 else sorted(names & set(archive.namelist()))
             )

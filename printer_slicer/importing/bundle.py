@@ -20,7 +20,7 @@ __all__ = ["PresetBundle", "group_sections"]
 _KINDS: Final = {"printer": "printer", "filament": "material", "print": "quality"}
 _USUAL_NOZZLE: Final = 0.4  # mm
 _DEEPEST_INHERITANCE: Final = 50  # presets in a chain
-_MOST_SUGGESTIONS: Final = 5  # searches for similar names in one file
+_MAX_SUGGESTIONS: Final = 5  # searches for similar names in one file
 _LONGEST_NAME: Final = 200  # characters
 _FEWEST_COMPLETE: Final = 30  # settings; a preset with fewer cannot be used without the one it inherits from
 
@@ -101,7 +101,7 @@ class PresetBundle(Struct, frozen=True):
 
         Only a few searches are done for each file, because each one compares all names.
         """
-        if len(self._suggested) >= _MOST_SUGGESTIONS or len(name) > _LONGEST_NAME:
+        if len(self._suggested) >= _MAX_SUGGESTIONS or len(name) > _LONGEST_NAME:
             return ""
         self._suggested.append(name)
         names = [one for one in self.sections[kind] if len(one) <= _LONGEST_NAME]

@@ -12,7 +12,7 @@ from printer_slicer.profile.tables import list_setting_definitions
 
 __all__ = ["Difference", "find_largest_differences", "find_other_notes"]
 
-_LEAST_WEIGHT: Final = 20  # differences with less weight are not listed
+_MIN_WEIGHT: Final = 20  # differences with less weight are not listed
 _USUAL_WEIGHT: Final = 30  # weight of a converted setting that is not in the table
 _CONVERTED_WEIGHTS: Final[tuple[tuple[str, int], ...]] = (
     ("bed_", 85),
@@ -77,7 +77,7 @@ def find_largest_differences(profiles: Sequence[ImportedProfile]) -> list[Differ
         profiles: the imported profiles.
     """
     found = [one for profile in profiles for one in (*_list_converted(profile), *_list_unsupported(profile))]
-    unique = {one.text: one for one in found if one.weight >= _LEAST_WEIGHT}
+    unique = {one.text: one for one in found if one.weight >= _MIN_WEIGHT}
     return sorted(unique.values(), key=lambda one: -one.weight)
 
 

@@ -24,7 +24,7 @@ from printer_slicer.values import Struct, field, replace
 
 __all__ = ["ImportRequest", "convert_presets", "import_profiles"]
 
-_MOST_SHOWN: Final = 6  # printers in a message
+_MAX_SHOWN: Final = 6  # printers in a message
 _COMPANION_KINDS: Final = ("material", "quality")
 
 
@@ -192,7 +192,7 @@ def _find_printer(bundle: PresetBundle, name: str) -> Preset:
         note = ImportNote(bundle.place, f"{name!r} is available with nozzles of {nozzles} mm: {taken}")
         return replace(printer, notes=(note, *printer.notes))
     if models:
-        shown = ", ".join(models[:_MOST_SHOWN]) + (", ..." if len(models) > _MOST_SHOWN else "")
+        shown = ", ".join(models[:_MAX_SHOWN]) + (", ..." if len(models) > _MAX_SHOWN else "")
         raise ProfileError(
             f"{bundle.place}: {len(models)} printers match {name!r}: {shown}", remedy="Use a longer name"
         )

@@ -15,7 +15,7 @@ FILE_REMEDY: Final = "Give an exported config.ini, a bundle, G-code, a 3MF file 
 """Remedy for files that have no settings."""
 
 _HEADING: Final = re.compile(r"\[(.+)\]\s*(?:[;#].*)?")
-_MOST_LINES: Final = 200_000  # lines
+_MAX_LINES: Final = 200_000  # lines
 # Possessive quantifiers prevent backtracking: the time stays proportional to the length.
 _ITEM: Final = re.compile(r'\s*+("(?:[^"\\]|\\.)*+"(?=\s*+(?:;|\Z))|[^;]*+)\s*+(?:;|\Z)', re.DOTALL)
 _ESCAPES: Final = {"n": "\n", "r": "\r", "t": "\t"}
@@ -62,9 +62,9 @@ def read_sections(lines: Iterable[str], place: str, first: int = 1) -> list[IniS
     sections = [IniSection("", f"{place}:{first}")]
     for number, line in enumerate(lines, first):
         text = line.strip().lstrip("\ufeff")
-        if number - first > _MOST_LINES:
+        if number - first > _MAX_LINES:
             raise ProfileError(
-                f"{place}: over {_MOST_LINES} lines, too large for a settings file", remedy=FILE_REMEDY
+                f"{place}: over {_MAX_LINES} lines, too large for a settings file", remedy=FILE_REMEDY
             )
         if not text or text[0] in ";#":
             continue

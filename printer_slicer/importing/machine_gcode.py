@@ -43,7 +43,7 @@ _MACROS: Final = {
 _STOPS_SLICING: Final = "slicing will stop at it with an error; replace it"
 _CURA_SYNTAX: Final = re.compile(r"\{\s*(\w+)\s*,\s*(\w+)\s*\}|\{[^{}]*\}|\[", re.ASCII)
 _PLACEHOLDER: Final = re.compile(r"\S*(?:\{[^}]*\}|\[[^\]]*\])\S*")
-_MOST_REACH: Final = 100.0  # mm: distance that G-code may move beyond the bed without a warning
+_MAX_REACH: Final = 100.0  # mm: distance that G-code may move beyond the bed without a warning
 
 
 def convert_macros(conversion: Conversion, bed: BedRectangle) -> None:
@@ -122,7 +122,7 @@ def _set_reach_and_probe(conversion: Conversion, bed: BedRectangle) -> None:
             macro = read_template(str(conversion.values.get(name, "")), name)
             lines += macro.list_possible_lines(known, unknown="?")
     far = _measure_reach(lines, bed)
-    if far > _MOST_REACH:
+    if far > _MAX_REACH:
         conversion.warn(
             "start_gcode",
             f"moves {far:g} mm beyond the bed: check that bed and G-code belong to the same machine",

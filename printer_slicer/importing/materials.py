@@ -18,13 +18,13 @@ __all__ = ["convert_material"]
 _USUAL_LAYER: Final = 0.2  # mm: layer height that is assumed when layer counts are converted to heights
 _HIGHEST_FLOW: Final = 200.0  # mm³/s
 _PLA_DENSITY: Final = 1.24  # g/cm³
-_LEAST_FLOW_RATIO: Final = 0.1
-_MOST_FLOW_RATIO: Final = 2.0  # the limit of other slicers
+_MIN_FLOW_RATIO: Final = 0.1
+_MAX_FLOW_RATIO: Final = 2.0  # the limit of other slicers
 _ADVANCE_COMMAND: Final = re.compile(
     r"^\s*(?:M900\s.*?K(\d*\.?\d+)|M572\s.*?S(\d*\.?\d+)|SET_PRESSURE_ADVANCE\s.*?\bADVANCE=(\d*\.?\d+))",
     re.IGNORECASE,
 )
-_MOST_ADVANCE: Final = 5.0  # s; greater numbers have another unit, such as those of Linear Advance 1.0
+_MAX_ADVANCE: Final = 5.0  # s; greater numbers have another unit, such as those of Linear Advance 1.0
 _FAN_SETTINGS: Final = ("min_fan_speed", "max_fan_speed", "fan_always_on", "cooling")
 
 
@@ -73,7 +73,7 @@ def _convert_flow_ratio(conversion: Conversion) -> None:
         ProfileError: it is far from 1, as if it were a percentage.
     """
     flow = conversion.preset.read_number("extrusion_multiplier")
-    if not _LEAST_FLOW_RATIO <= flow <= _MOST_FLOW_RATIO:
+    if not _MIN_FLOW_RATIO <= flow <= _MAX_FLOW_RATIO:
         raise conversion.make_error(
             "extrusion_multiplier", f"a flow ratio of {flow:g} is out of range", "Write a number near 1"
         )
@@ -239,7 +239,7 @@ def _put_pressure_advance(conversion: Conversion, name: str, advances: Sequence[
         name: name of the setting with the values.
         advances: values, each with its command; an empty command if the value is a setting.
     """
-    fitting = [one for one in advances if 0 <= one[0] <= _MOST_ADVANCE]
+    fitting = [one for one in advances if 0 <= one[0] <= _MAX_ADVANCE]
     others = ", ".join(
         repr(command or f"{value:g}") for value, command in advances if (value, command) not in fitting
     )
@@ -247,7 +247,7 @@ def _put_pressure_advance(conversion: Conversion, name: str, advances: Sequence[
         conversion.used.add(name)
         conversion.warn(
             name,
-            f"{others} is not in seconds (0 to {_MOST_ADVANCE:g}) and is not imported; measure pressure advance",
+            f"{others} is not in seconds (0 to {_MAX_ADVANCE:g}) and is not imported; measure pressure advance",
         )
         return
     value, command = fitting[-1]

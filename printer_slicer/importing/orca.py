@@ -23,7 +23,7 @@ _KINDS: Final = {
     "print": "quality",
 }
 _DEEPEST: Final = 40  # presets in a chain of inheritance
-_MOST_FILES: Final = 5000  # files that are searched for a preset
+_MAX_FILES: Final = 5000  # files that are searched for a preset
 
 
 def read_json(text: str, place: str) -> dict[str, Any]:
@@ -70,7 +70,7 @@ class PresetFolders:
         """Read all presets in the folders, because the name of a preset may differ from its file name."""
         self._is_read = True
         paths = [path for folder in self._folders for path in sorted(folder.glob("*.json"))]
-        for path in paths[:_MOST_FILES]:
+        for path in paths[:_MAX_FILES]:
             try:
                 values = _read_preset(path)
             except ProfileError:

@@ -29,7 +29,7 @@ _PAUSE_KINDS: Final = {
     "3": "G-code of the printer's template",
     "4": "G-code",
 }
-_MOST_SHOWN: Final = 5
+_MAX_SHOWN: Final = 5
 _VOLUME_METADATA: Final = frozenset(
     {"name", "volume_type", "modifier", "matrix", "source_file", "source_object_id", "source_volume_id"}
     | {
@@ -302,7 +302,7 @@ class _PauseReader(_XmlReader):
         self.parse(text)
         if not self._found:
             return []
-        which = ", ".join(self._found[:_MOST_SHOWN]) + (", ..." if len(self._found) > _MOST_SHOWN else "")
+        which = ", ".join(self._found[:_MAX_SHOWN]) + (", ..." if len(self._found) > _MAX_SHOWN else "")
         return [ImportNote(self._place, f"not imported: {which}; use quality.pause_at for pauses")]
 
     def start_element(self, tag: str, attributes: dict[str, str]) -> None:

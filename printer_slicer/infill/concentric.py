@@ -11,7 +11,7 @@ from printer_slicer.infill.infill_task import InfillTask
 __all__ = ["concentric_lines"]
 
 _SHORTEST_LOOP = 3.0  # extrusion widths; smaller loops would be blobs
-_LEAST_CUT_AREA = 0.01  # mm², least area that internal bridges take from the loops
+_MIN_CUT_AREA = 0.01  # mm², least area that internal bridges take from the loops
 
 
 def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
@@ -22,7 +22,7 @@ def concentric_lines(task: InfillTask) -> tuple[Polylines, Float]:
     outline, cut = task.area, np.zeros(task.area.n_layers, np.bool_)
     if outline.n_layers == task.regions.plan.n_layers:  # each layer by itself
         outline = offset(task.regions.internal_infill, -task.inset).of_layers(task.area.used)
-        cut = difference(outline, task.area).area() > _LEAST_CUT_AREA
+        cut = difference(outline, task.area).area() > _MIN_CUT_AREA
     loops, loop = [], offset(outline, -task.spacing / 2)
     while loop.n_rings:
         loops += _cut_loops(loop.select(loop.ring_length() > _SHORTEST_LOOP * task.bead), task.area, cut)

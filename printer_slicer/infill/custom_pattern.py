@@ -17,7 +17,7 @@ from printer_slicer.values import Struct
 __all__ = ["Infill", "check_density", "make_checked_pattern"]
 
 _MAX_ERROR: float = 0.1  # largest relative error of the density
-_LEAST_VOLUME: float = 20.0  # mm³; smaller volumes are not checked, because single lines decide
+_MIN_VOLUME: float = 20.0  # mm³; smaller volumes are not checked, because single lines decide
 _MAX_COORDINATE: float = 1e5  # mm
 
 
@@ -101,7 +101,7 @@ def check_density(name: str, volume: float, nominal: float, profile: Profile) ->
     Raises:
         StrategyError: the volume is off by more than a tenth.
     """
-    if nominal < _LEAST_VOLUME or abs(volume / nominal - 1) <= _MAX_ERROR:
+    if nominal < _MIN_VOLUME or abs(volume / nominal - 1) <= _MAX_ERROR:
         return
     density = profile.quality.infill_density
     raise StrategyError(

@@ -21,7 +21,7 @@ CHORD_ERROR = 0.05
 """mm, approximate largest distance between the waves and the straight lines that replace them."""
 
 _N_SAMPLES = 256  # of one period, to measure curvature and length
-_LEAST_POINTS = 6  # points of a period
+_MIN_POINTS = 6  # points of a period
 
 
 def gyroid_lines(task: InfillTask) -> tuple[Polylines, Float]:
@@ -79,7 +79,7 @@ def _choose_points(u: Float, v: Float, length: Float, error: float) -> tuple[Flo
     reach = (length + np.roll(length, -1, axis=1)) / 2
     wanted = np.sqrt(turn * reach / (8 * error)) + 1e-9
     total = wanted.sum(axis=1)
-    size = np.maximum(np.ceil(total), _LEAST_POINTS).astype(np.int64)
+    size = np.maximum(np.ceil(total), _MIN_POINTS).astype(np.int64)
     # All waves follow each other on one axis; the k-th point of a wave is at k shares of its total.
     steps = np.concatenate([np.zeros((len(v), 1)), np.cumsum(wanted / total[:, None], axis=1)], axis=1)
     owner = np.repeat(np.arange(len(v)), size)

@@ -28,7 +28,7 @@ __all__ = ["RowSettings", "fill_with_rows"]
 
 _CONNECTION_RATIO = 1 / 3  # width of connections as a share of the row width; at least as wide as high
 _HALF_SLIT = 0.06  # mm, half the width of gaps that close when extrusions are pressed flat
-_LEAST_GAP_AREA = 0.08  # mm²; smaller gaps are not worth a stop
+_MIN_GAP_AREA = 0.08  # mm²; smaller gaps are not worth a stop
 _MAX_BEADS_BETWEEN = 3  # most extrusions side by side in gaps between rows
 _MAX_FLOW, _MIN_FLOW = 1.15, 0.85  # limits of the flow factor that gives a piece its nominal volume
 
@@ -148,7 +148,7 @@ def _fill_between_rows(
 ) -> tuple[Toolpaths, Float]:
     """Fill gaps between rows; return the paths and the area (P,) mm² that they fill in each piece."""
     left = split_connected(offset_open(difference(pieces.areas, rows_area), _HALF_SLIT))
-    left = left.take(np.flatnonzero(left.areas.area() > _LEAST_GAP_AREA))
+    left = left.take(np.flatnonzero(left.areas.area() > _MIN_GAP_AREA))
     gaps = ConnectedAreas(left.areas, pieces.layer[left.layer], left.of_ring)
     paths, _, filled = fill_gaps(plan, gaps, role[left.layer], profile, beads=_MAX_BEADS_BETWEEN)
     return paths, np.bincount(left.layer, filled, minlength=pieces.count).astype(np.float64)

@@ -23,10 +23,10 @@ from printer_slicer.macros.values import (
 __all__ = ["FUNCTIONS", "MisusedFunction", "matches"]
 
 _Function = Callable[[Sequence[Value]], Value]
-_MOST_DIGITS: Final = 20  # decimals
+_MAX_DIGITS: Final = 20  # decimals
 _WIDEST: Final = 100  # characters of a formatted number
 _LONGEST_PATTERN: Final = 10_000  # characters
-_MOST_STEPS: Final = 10_000_000
+_MAX_STEPS: Final = 10_000_000
 """Limit of text length times pattern length; a match at this limit takes seconds in the worst case."""
 _PATTERN_BYTES: Final = 1 << 23
 """Memory limit for a pattern; nested repetitions exceed it."""
@@ -51,7 +51,7 @@ def matches(text: str, pattern: str) -> bool:
         raise MisusedFunction(
             f"the pattern has {len(pattern)} characters; at most {_LONGEST_PATTERN} are allowed"
         )
-    if len(text) * len(pattern) > _MOST_STEPS:
+    if len(text) * len(pattern) > _MAX_STEPS:
         raise MisusedFunction(f"a pattern of {len(pattern)} characters is too long for a text of {len(text)}")
     options = re2.Options()
     options.dot_nl, options.log_errors, options.max_mem = True, False, _PATTERN_BYTES
@@ -122,7 +122,7 @@ def _round(value: float, digits: float | None = None) -> float:
     return int(found) if digits is None else found
 
 
-def _check_digit_count(digits: float, most: int = _MOST_DIGITS) -> int:
+def _check_digit_count(digits: float, most: int = _MAX_DIGITS) -> int:
     """Return a number of digits as an integer, or raise an error if it is not valid."""
     if not is_equal(digits, round_to_whole(digits)) or not 0 <= digits <= most:
         raise MisusedFunction(f"{digits:g} is not a valid number of digits; use 0 to {most}")

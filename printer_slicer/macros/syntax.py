@@ -40,10 +40,10 @@ __all__ = [
     "parse_expression",
 ]
 
-_MOST_TOKENS: Final = 200
+_MAX_TOKENS: Final = 200
 """Maximum number of tokens in an expression; it also limits the recursion of the parser."""
 _DEEPEST: Final = 30  # levels of nested expressions
-_MOST_SIGNS: Final = 10  # signs in front of one operand
+_MAX_SIGNS: Final = 10  # signs in front of one operand
 _COMPARISONS: Final = ("==", "!=", "<", "<=", ">", ">=", "=~", "!~")
 _PRECEDENCE: Final = (("or",), ("and",), ("not",), _COMPARISONS, ("+", "-"), ("*", "/", "%"))
 _NOT_LEVEL, _COMPARISON_LEVEL = 2, 3
@@ -237,10 +237,10 @@ class ExpressionReader:
         """Return the next token, and read the token after it."""
         token = self.next
         self._count += 1
-        if self._count > _MOST_TOKENS:
+        if self._count > _MAX_TOKENS:
             raise MacroFault(
                 self._begin,
-                f"the expression has more than {_MOST_TOKENS} names, numbers and signs",
+                f"the expression has more than {_MAX_TOKENS} names, numbers and signs",
                 "Split it into several",
             )
         ends_value = token.kind != "sign" or token.text in (")", "]")
@@ -311,8 +311,8 @@ class ExpressionReader:
         signs: list[Token] = []
         while (sign := self.accept(*texts)) is not None:
             signs.append(sign)
-            if len(signs) > _MOST_SIGNS:
-                raise MacroFault(sign.position, f"more than {_MOST_SIGNS} signs in front of a value")
+            if len(signs) > _MAX_SIGNS:
+                raise MacroFault(sign.position, f"more than {_MAX_SIGNS} signs in front of a value")
         tree = parse_operand()
         for sign in reversed(signs):
             tree = tree if sign.text == "+" else Unary(sign.text, tree, sign.position)

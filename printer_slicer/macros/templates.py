@@ -33,9 +33,9 @@ __all__ = ["Template", "escape_braces", "read_template"]
 
 _LONGEST_MACRO: Final = 300_000  # characters
 _DEEPEST_BLOCKS: Final = 20  # levels of nested blocks
-_MOST_CHARACTERS: Final = 1_000_000  # characters of output
+_MAX_CHARACTERS: Final = 1_000_000  # characters of output
 _LONGEST_PREFIX: Final = 500  # characters of a line before a block that are repeated for each branch
-_MOST_SHOWN: Final = 100  # characters of a line in a message, around the error
+_MAX_SHOWN: Final = 100  # characters of a line in a message, around the error
 _MARKS: Final = ("if", "elsif", "else", "endif")
 _BRACE: Final = re.compile(r"[{\[}\n]")
 _SQUARE: Final = re.compile(r"\[\s*([A-Za-z_]\w*)\s*(?:\[\s*(\w+)\s*\]\s*)?\]", re.ASCII)
@@ -109,9 +109,9 @@ class Template(Struct, frozen=True):
         try:
             for part in renderer.render_pieces(self.pieces):
                 size += len(part)
-                if size > _MOST_CHARACTERS:
+                if size > _MAX_CHARACTERS:
                     raise ProfileError(
-                        f"{self.place}: the result is longer than {_MOST_CHARACTERS} characters",
+                        f"{self.place}: the result is longer than {_MAX_CHARACTERS} characters",
                         remedy="Use shorter lists and texts in the expressions of the macro",
                     )
                 text.append(part)
@@ -209,8 +209,8 @@ class _Renderer(Struct):
             if piece.is_in_comment:
                 return piece.source
             raise
-        if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MOST_CHARACTERS:
-            raise MacroFault(piece.tree.position, f"the list is longer than {_MOST_CHARACTERS} characters")
+        if isinstance(value, tuple) and sum(len(str(one)) for one in value) > _MAX_CHARACTERS:
+            raise MacroFault(piece.tree.position, f"the list is longer than {_MAX_CHARACTERS} characters")
         return format_value(value)
 
     def render_block(self, block: _Block) -> Iterator[str]:
@@ -485,8 +485,8 @@ def _raise_error(fault: MacroFault, place: str, source: str) -> Never:
     line = source[start:].partition("\n")[0]
     text = "".join(letter if letter.isprintable() else " " for letter in line)
     column = position - start
-    begin = max(0, column - _MOST_SHOWN // 2)
-    shown = text[begin : begin + _MOST_SHOWN]
+    begin = max(0, column - _MAX_SHOWN // 2)
+    shown = text[begin : begin + _MAX_SHOWN]
     raise ProfileError(
         f"{place}: line {source.count(chr(10), 0, position) + 1}, column {column + 1}: {fault.problem}\n"
         f"  {shown}\n  {' ' * (column - begin)}^",

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["to_integers", "triangulate_polygons"]
 
-MOST_CORNERS: Final = 64
+MAX_CORNERS: Final = 64
 """A polygon with more corners becomes a fan from its first corner even if it is not convex."""
 BLOCK: Final = 1 << 16
 """Number of polygon corners processed at a time."""
@@ -86,7 +86,7 @@ def triangulate_polygons(vertices: Float, counts: Int, corners: Int, path: Path,
 def _make_fans(points: Float) -> Float:
     """Split polygons (P, N, 3) into facets (P, N - 2, 3, 3); may change which corner in `points` comes first."""
     size = points.shape[1]
-    if 3 < size <= MOST_CORNERS:
+    if 3 < size <= MAX_CORNERS:
         crosses = _compute_fan_normals(points)
         total = crosses.sum(axis=1)
         along = np.einsum("pni,pi->pn", crosses, total)

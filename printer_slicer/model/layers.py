@@ -29,7 +29,7 @@ __all__ = [
 
 SAME_TOP: Final = 1e-7
 """Layers of different objects have the same top if their tops differ by less than this, mm."""
-_MOST_RISE: Final = 1.2  # layer heights by which a contoured surface may rise over the width of an extrusion
+_MAX_RISE: Final = 1.2  # layer heights by which a contoured surface may rise over the width of an extrusion
 _STEEPEST_BY_RULE: Final = float(np.tan(np.deg2rad(35.0)))
 
 
@@ -79,7 +79,7 @@ class ContourRule(Struct, frozen=True):
         """Return the tangent (n,) of the steepest slope that is followed in layers of heights (n,), mm."""
         if self.max_slope:
             return np.full(len(height), self.steepest)
-        return np.minimum(_MOST_RISE * height / self.width, self.steepest)
+        return np.minimum(_MAX_RISE * height / self.width, self.steepest)
 
 
 class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):

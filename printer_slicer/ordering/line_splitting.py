@@ -15,7 +15,7 @@ from printer_slicer.roles import Phase, roles_with
 
 __all__ = ["split_lines"]
 
-_LEAST_SAVING = 4.0  # mm that a split must save
+_MIN_SAVING = 4.0  # mm that a split must save
 
 
 def split_lines(paths: Toolpaths) -> Toolpaths:
@@ -52,7 +52,7 @@ def _find_split_points(paths: Toolpaths, line: Int) -> tuple[Int, Float]:
 
 def _select_lines_to_split(line: Int, saved: Float) -> Bool:
     """Return which lines to split (n,); of two consecutive lines only the one that saves more."""
-    worth = np.where(saved > _LEAST_SAVING, saved, 0.0)
+    worth = np.where(saved > _MIN_SAVING, saved, 0.0)
     before = np.append(0.0, np.where(np.diff(line) == 1, worth[:-1], 0.0))
     after = np.append(np.where(np.diff(line) == 1, worth[1:], 0.0), 0.0)
     return np.asarray((worth > 0) & (worth > before) & (worth >= after))

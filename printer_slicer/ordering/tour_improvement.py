@@ -15,7 +15,7 @@ from printer_slicer.values import Struct
 __all__ = ["shorten_tour"]
 
 _MAX_SPAN = 24
-_LEAST_SAVING = 0.01  # mm that a change must save
+_MIN_SAVING = 0.01  # mm that a change must save
 _MAX_ROUNDS = 60
 _BLOCK_SIZE = 1 << 12  # places evaluated at once
 _REVERSE, _MOVE_LATER, _MOVE_LATER_REVERSED, _MOVE_EARLIER, _MOVE_EARLIER_REVERSED = range(5)
@@ -155,7 +155,7 @@ def _distances(one: tuple[Float, Float], other: tuple[Float, Float]) -> Float:
 
 def _select_changes(place: Int, span: Int, saved: Float, n: int) -> Int:
     """Select changes that shorten the tour and do not overlap, the best first."""
-    better = np.flatnonzero(saved > _LEAST_SAVING)
+    better = np.flatnonzero(saved > _MIN_SAVING)
     better = better[np.argsort(-saved[better], kind="stable")]
     taken = bytearray(n + 2)
     chosen = []

@@ -12,8 +12,8 @@ from printer_slicer.orienting.part_shape import PartShape
 
 __all__ = ["drop_near", "list_directions", "spread_directions"]
 
-_MOST_FLATS: Final = 100
-_LEAST_FLAT: Final = 1e-3  # area of a flat, relative to the largest
+_MAX_FLATS: Final = 100
+_MIN_FLAT: Final = 1e-3  # area of a flat, relative to the largest
 _SAME_FLAT_COSINE: Final = np.cos(np.radians(1.0))
 _SAME_DIRECTION_COSINE: Final = np.cos(np.radians(0.2))
 _PERPENDICULAR_COSINE: Final = 0.05  # flats with a smaller cosine between them count as perpendicular
@@ -51,12 +51,12 @@ def _list_hull_flats(shape: PartShape) -> Float:
     vectors = np.cross(b - a, c - a) / 2
     area = norm(vectors)
     order = np.argsort(-area, kind="stable")
-    order = order[area[order] > _LEAST_FLAT * area.max()]
+    order = order[area[order] > _MIN_FLAT * area.max()]
     normals = vectors[order] / area[order, None]
     # Each facet belongs to the first, which is the largest, of those that face almost the same way.
     leader = (normals @ normals.T > _SAME_FLAT_COSINE).argmax(axis=1)
     total = np.bincount(leader, area[order], len(order))
-    largest = np.argsort(-total, kind="stable")[:_MOST_FLATS]
+    largest = np.argsort(-total, kind="stable")[:_MAX_FLATS]
     return np.asarray(normals[largest[total[largest] > 0]])
 
 

@@ -21,18 +21,18 @@ from printer_slicer.values import Struct, force_setattr
 __all__ = ["PartShape", "measure_shape"]
 
 _N_SAMPLES: Final = 12_000  # roughly; so many samples of equal size would cover the surface
-_MOST_STEPS: Final = 500  # between samples, per length of the shape
+_MAX_STEPS: Final = 500  # between samples, per length of the shape
 _COARSE_CELLS: Final = 12  # per length of the shape, in which samples are pooled for rough ratings
 _COARSE_STEPS: Final = 4  # of a component of the normal, for the same purpose
 _HULL_CELLS: Final = (
     64  # per length of the shape; of the corners in a cell, only the outermost counts for the hull
 )
 _HULL_TOLERANCE: Final = 2e-4  # of the size
-_MOST_CELLS: Final = 128  # along an axis
+_MAX_CELLS: Final = 128  # along an axis
 _RADIUS_STEPS: Final = 1 << 30
 _FLAT_STEPS: Final = 64  # of a component of the normal from 0 to 1; facets of a flat have the same
-_MOST_FLATS: Final = 60
-_LEAST_FLAT: Final = 2e-3  # area of a flat, relative to the surface
+_MAX_FLATS: Final = 60
+_MIN_FLAT: Final = 2e-3  # area of a flat, relative to the surface
 _SYMMETRIC: Final = 1e-4  # third moment, relative to the size, below which a shape counts as symmetric
 
 
@@ -96,7 +96,7 @@ def measure_shape(triangles: Float, name: str = "part") -> PartShape:
     narrow = axes.astype(np.float32)
     own = np.stack([narrow @ (corner - centroid) for corner in columns])
     size = float(own.max() - own.min())
-    spacing = max(float(np.sqrt(area.sum() / _N_SAMPLES)), size / _MOST_STEPS)
+    spacing = max(float(np.sqrt(area.sum() / _N_SAMPLES)), size / _MAX_STEPS)
     vectors = (-narrow if volume < 0 else narrow) @ vectors
     samples = sample_surface(own, vectors, spacing)
     outer = _find_outer_corners(own, size / _HULL_CELLS)
@@ -171,8 +171,8 @@ def _find_flats(vectors: Float32, area: Float32) -> Int:
     order = order[np.argsort(key[order], kind="stable")]
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     total = np.add.reduceat(area[order], first)
-    largest = np.argsort(-total, kind="stable")[:_MOST_FLATS]
-    return np.asarray(order[first[largest[total[largest] > _LEAST_FLAT * area.sum()]]])
+    largest = np.argsort(-total, kind="stable")[:_MAX_FLATS]
+    return np.asarray(order[first[largest[total[largest] > _MIN_FLAT * area.sum()]]])
 
 
 def _compute_normals(corners: Float, is_inverted: bool) -> Float:
@@ -190,7 +190,7 @@ def _find_outer_corners(corners: Float32, cell: float) -> Int:
     x, y, z = corners.transpose(1, 0, 2).reshape(3, -1)
     key = np.zeros(x.shape, np.int64)
     for axis in (x, y, z):
-        key = key * _MOST_CELLS + ((axis - axis.min()) * np.float32(1 / cell)).astype(np.int32)
+        key = key * _MAX_CELLS + ((axis - axis.min()) * np.float32(1 / cell)).astype(np.int32)
     radius = np.sqrt(x * x + y * y + z * z)
     rank = (radius * np.float32(_RADIUS_STEPS / max(float(radius.max()), 1e-30))).astype(np.int64)
     order = np.argsort(key * (2 * _RADIUS_STEPS) + rank)

@@ -14,7 +14,7 @@ from printer_slicer.orienting.part_shape import PartShape
 __all__ = ["Standing", "is_stable", "make_frame", "may_stand", "measure_standing"]
 
 _CONTACT_HEIGHT: Final = 0.15  # mm; the contact area is the section of the convex hull at this height
-_LEAST_TILT: Final = 4.0  # degrees
+_MIN_TILT: Final = 4.0  # degrees
 _N_CHECKS: Final = 8  # directions in which the contact area is compared with the centre of mass at first
 _SLIMNESS: Final = 12.0  # the contact area of a part this many times as high as wide is too small
 
@@ -57,7 +57,7 @@ def may_stand(shape: PartShape, down: Float, brim: float) -> Bool:
     may = np.zeros(len(down), np.bool_)
     first = np.flatnonzero(np.diff(row, prepend=-1))
     may[row[first]] = True
-    least = np.maximum(np.tan(np.radians(_LEAST_TILT)) * lowest - brim, 0.0)[row[first]]
+    least = np.maximum(np.tan(np.radians(_MIN_TILT)) * lowest - brim, 0.0)[row[first]]
     for angle in np.linspace(0, 2 * np.pi, _N_CHECKS, endpoint=False).tolist():
         reach = (
             np.maximum.reduceat(np.cos(angle) * along + np.sin(angle) * across, first)
@@ -113,4 +113,4 @@ def measure_standing(shape: PartShape, frame: Float, brim: float) -> Standing:
     tilt = float(np.degrees(np.arctan2(distance + brim, max(float(center[2] - lowest), 1e-9))))
     area = float(hull.area().sum())
     with_brim = area + brim * float(norm(edges).sum())
-    return Standing(area, tilt, distance > 0 and tilt > _LEAST_TILT and with_brim > (height / _SLIMNESS) ** 2)
+    return Standing(area, tilt, distance > 0 and tilt > _MIN_TILT and with_brim > (height / _SLIMNESS) ** 2)

@@ -14,7 +14,7 @@ __all__ = ["SurfaceSamples", "TurnedSamples", "pool_samples", "sample_surface"]
 
 _LONGEST_EDGE: Final = 1.5  # spacings; facets with longer edges are divided
 _NORMAL_STEPS: Final = 5  # of a component of the normal from 0 to 1
-_MOST_SAMPLES: Final = 40_000  # more are pooled
+_MAX_SAMPLES: Final = 40_000  # more are pooled
 
 
 class SurfaceSamples(Struct, frozen=True, eq=False):
@@ -74,7 +74,7 @@ def sample_surface(corners: Float32, area_vectors: Float32, spacing: float) -> S
         rest = np.flatnonzero(large)
         parts, area = _halve(parts.take(rest, axis=2)), np.tile(area.take(rest, axis=1) / np.float32(2), 2)
     samples = _make_samples(np.concatenate(points, axis=1), np.concatenate(vectors, axis=1))
-    return samples if len(samples.area) <= _MOST_SAMPLES else pool_samples(samples, spacing, _NORMAL_STEPS)
+    return samples if len(samples.area) <= _MAX_SAMPLES else pool_samples(samples, spacing, _NORMAL_STEPS)
 
 
 def _find_middles(corners: Float32) -> Float32:

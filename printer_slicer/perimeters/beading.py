@@ -20,7 +20,7 @@ __all__ = ["Beading"]
 _ROUNDING = 1e-4  # mm; rounding must not decide over walls of exactly the least thickness
 _TWO_BEADS_FROM = 1.5  # spacings of room from which on two beads replace one
 _THIN_RATIO = 0.6  # of the thinnest feature; beads continue through dips down to this thickness
-_LEAST_MIDDLE_BEAD = 0.3  # spacings, least width of a middle bead
+_MIN_MIDDLE_BEAD = 0.3  # spacings, least width of a middle bead
 
 
 class Beading(Struct, frozen=True, eq=False):
@@ -59,7 +59,7 @@ class Beading(Struct, frozen=True, eq=False):
         """Return the least radii (full_count, L) at which 1, 2, ..., `full_count` beads fit."""
         one = self.spacing
         pair = np.clip(_TWO_BEADS_FROM * one, 2 * self.narrowest, np.maximum(self.widest, 2 * self.narrowest))
-        middle = np.clip(self.narrowest, _LEAST_MIDDLE_BEAD * one, one)
+        middle = np.clip(self.narrowest, _MIN_MIDDLE_BEAD * one, one)
         rows = [self.thinnest / 2 + _ROUNDING]
         for count in range(1, self.full_count):
             below = 2 * (count // 2) * one

@@ -17,7 +17,7 @@ from printer_slicer.values import Struct, replace
 __all__ = ["MiddleLines", "trace_middle_lines"]
 
 _ROUNDING = 1e-6  # mm
-_LEAST_LENGTH = 0.4  # bead widths; shorter lines are not worth a start and a stop
+_MIN_LENGTH = 0.4  # bead widths; shorter lines are not worth a start and a stop
 _RING_CORNERS = 6  # corners of the ring that replaces a dot
 
 
@@ -160,7 +160,7 @@ def _trace_lines(layout: BeadLayout, beading: Beading) -> tuple[MiddleLines, Mid
     order = order[np.lexsort((rank[order], lowest[order]))]
     steps = _LineSteps(half[order], lowest[order], closed[lowest[order]], met[order], met[twin[order]])
     lines, tips = _build_polylines(layout, steps)
-    short = lines.length() < _LEAST_LENGTH * lines.width[np.cumsum(lines.size) - 1]
+    short = lines.length() < _MIN_LENGTH * lines.width[np.cumsum(lines.size) - 1]
     needed = ((lines.depth == 0) | tips.all(axis=0)) & (beading.loops > 0)
     return _lengthen_tips(lines.take(~short), tips[:, ~short]), lines.take(short & needed)
 

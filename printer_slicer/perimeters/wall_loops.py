@@ -21,7 +21,7 @@ __all__ = ["FillResult", "fill_narrow", "fill_pieces", "make_loops"]
 _BORDER_TOLERANCE = 0.025  # mm; borders between extrusions are hidden and may be simplified by this
 _POINT_TOLERANCE = 0.004  # mm, tolerance of removed points
 _INSET = 1e-3  # mm; remaining areas lie this far inside, so that rounding cannot move them over the outlines
-_LEAST_STRIP_RATIO = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
+_MIN_STRIP_RATIO = 0.5  # of the narrowest spacing; thinner strips between loops stay empty
 
 
 class FillResult(Struct, frozen=True, eq=False):
@@ -144,7 +144,7 @@ def _beading_between(plan: LayerPlan, layer: Int, profile: Profile, beads: int) 
 def _least_thickness(height: Float, profile: Profile) -> Float:
     """Return the thickness (E,) of the thinnest strips to fill, mm."""
     narrowest = np.maximum(profile.bead_widths[0], height)
-    return _LEAST_STRIP_RATIO * bead.spacing(narrowest, height)
+    return _MIN_STRIP_RATIO * bead.spacing(narrowest, height)
 
 
 def _make_beading(

@@ -19,7 +19,7 @@ from printer_slicer.surface.range_maximum import compute_range_maxima
 __all__ = ["ContouredCandidates", "list_contoured_candidates"]
 
 _ROUNDING: Final = 1e-6  # mm, and tangents
-_MOST_CLASSES: Final = 8
+_MAX_CLASSES: Final = 8
 
 
 class ContouredCandidates:
@@ -127,7 +127,7 @@ def list_contoured_candidates(
     if rule is None or not heights:
         return None
     slopes = distinct(rule.find_max_slopes(np.array(heights) * grid.unit))
-    slopes = slopes[distinct(np.linspace(0, len(slopes) - 1, _MOST_CLASSES).astype(np.int64))]
+    slopes = slopes[distinct(np.linspace(0, len(slopes) - 1, _MAX_CLASSES).astype(np.int64))]
     facets = ShallowFacets.of_triangles(surface.triangles, float(slopes[-1]))
     if not len(facets.slope):
         return None

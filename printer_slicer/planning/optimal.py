@@ -77,7 +77,7 @@ _PRICE_FACTORS: Final = (
     0.4,
     0.2,
 )  # price factors, in the order in which they are tried
-_LEAST_DIFFERENCE: Final = 1e-4  # smallest relative difference of time or volume error that is not rounding
+_MIN_DIFFERENCE: Final = 1e-4  # smallest relative difference of time or volume error that is not rounding
 _STEP_PENALTY: Final = 0.5  # penalty for a large step next to a flat, in median layer costs
 _ERROR_PER_LAYER: Final = 1e-4  # mm³ added per layer if the objective is the volume error alone
 
@@ -192,7 +192,7 @@ class _Search:
     def _is_dominated(self, layers: Int) -> bool:
         """Return whether a uniform plan is faster or more accurate than these layers, and not worse in the other."""
         mine = np.array([self._candidates.seconds[layers].sum(), self._candidates.volume[layers].sum()])
-        slack = _LEAST_DIFFERENCE * mine
+        slack = _MIN_DIFFERENCE * mine
         theirs = self._candidates.uniform
         return bool(((theirs <= mine + 1e-9).all(axis=1) & (theirs < mine - slack - 1e-9).any(axis=1)).any())
 

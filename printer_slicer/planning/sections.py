@@ -17,7 +17,7 @@ __all__ = ["SectionSums", "Shadows", "measure_sections"]
 
 _MAX_PLANES: Final = 60  # maximum number of heights at which contours are cut
 _MAX_LEVELS: Final = 240  # maximum number of heights for all other values
-_LEAST_DISTANCE: Final = 0.1  # mm, minimum distance between these heights
+_MIN_DISTANCE: Final = 0.1  # mm, minimum distance between these heights
 _COVERED_WIDTH: Final = 1.0  # mm of width per mm of height: perimeters cover the area under steeper slopes
 
 
@@ -131,7 +131,7 @@ def measure_sections(surface: Surface, profile: Profile) -> SectionSums:
 
 def _sample_heights(surface: Surface, profile: Profile, max_heights: int) -> Float:
     """Return up to `max_heights` evenly spaced heights and one in the first layer (n,), mm."""
-    n = int(np.clip(surface.height / _LEAST_DISTANCE, 1, max_heights))
+    n = int(np.clip(surface.height / _MIN_DISTANCE, 1, max_heights))
     z: Float = (np.arange(n, dtype=np.float64) + 0.5) * (surface.height / n)
     on_bed = (profile.quality.first_layer_height or profile.thinnest) / 2
     return np.append(on_bed, z) if on_bed < z[0] else z

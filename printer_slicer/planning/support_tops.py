@@ -14,7 +14,7 @@ from printer_slicer.surface.flats import find_downward_flats
 
 __all__ = ["find_support_contacts"]
 
-_LEAST_AREA: Final = 4.0  # mm²; smaller flats have supports that end where a layer happens to end
+_MIN_AREA: Final = 4.0  # mm²; smaller flats have supports that end where a layer happens to end
 _ROUNDING: Final = 1e-2  # units; precision of heights in 32-bit coordinates
 
 
@@ -41,7 +41,7 @@ def find_support_contacts(mesh: Mesh, profile: Profile, unit: float) -> tuple[In
         or gap * unit < printer.min_layer - _ROUNDING * unit
     ):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    height = find_downward_flats(mesh, _LEAST_AREA)[0] / unit
+    height = find_downward_flats(mesh, _MIN_AREA)[0] / unit
     contact = {
         "mid": np.rint(height),
         "positive": np.floor(height + _ROUNDING),

@@ -27,7 +27,7 @@ from printer_slicer.preview.columns import (
 
 __all__ = ["read_preview"]
 
-_MOST_ROLES = 200  # of extrusions; the format has a byte for a role
+_MAX_ROLES = 200  # of extrusions; the format has a byte for a role
 _EQUAL = 1e-6  # mm; positions that differ by less are the same
 
 
@@ -87,8 +87,8 @@ def _find_roles(moves: Moves, gcode: GcodeExtrusions, extruding: Int) -> tuple[I
         for index, purpose in kinds.tolist()
     ]
     roles = list(dict.fromkeys(named))
-    if len(roles) > _MOST_ROLES:
-        roles = [*roles[:_MOST_ROLES], PreviewRole(*name_kind("Other", Purpose.UNKNOWN))]
+    if len(roles) > _MAX_ROLES:
+        roles = [*roles[:_MAX_ROLES], PreviewRole(*name_kind("Other", Purpose.UNKNOWN))]
     number = {one: i for i, one in enumerate(roles)}
     of_kind = np.array([number.get(one, len(roles) - 1) for one in named], np.int64)
     role = _find_roles_without_extrusion(moves.delta)

@@ -12,7 +12,7 @@ from printer_slicer.firmware import FIRMWARES, match_flavour
 from printer_slicer.input_files import read_input
 from printer_slicer.print_queue.printers import PrinterEntry, parse_printers
 from printer_slicer.saving import make_folder, save
-from printer_slicer.toml_text import MOST_BYTES, TomlError, parse_toml
+from printer_slicer.toml_text import MAX_BYTES, TomlError, parse_toml
 
 if TYPE_CHECKING:
     from printer_slicer.stream.events import Event
@@ -65,7 +65,7 @@ def _read_text(path: Path) -> str:
         UsageError: it cannot be read.
     """
     try:
-        text = read_input(path, MOST_BYTES).decode("utf-8") if path.exists() else ""
+        text = read_input(path, MAX_BYTES).decode("utf-8") if path.exists() else ""
         parse_toml(text)
     except (OSError, ValueError, TomlError) as error:
         raise UsageError(f"{path}: cannot be read: {error}", remedy="Correct the file") from None

@@ -15,7 +15,7 @@ from typing import Any, Final
 from printer_slicer.errors import UsageError
 from printer_slicer.input_files import read_input
 from printer_slicer.texts import describe_type
-from printer_slicer.toml_text import MOST_BYTES, TomlError, parse_toml
+from printer_slicer.toml_text import MAX_BYTES, TomlError, parse_toml
 from printer_slicer.values import Struct
 
 __all__ = [
@@ -120,7 +120,7 @@ def read_printers(path: Path) -> tuple[PrinterEntry, ...]:
         UsageError: the file is missing, or an entry is invalid; names file, printer and key.
     """
     try:
-        text = read_input(path, MOST_BYTES).decode("utf-8")
+        text = read_input(path, MAX_BYTES).decode("utf-8")
     except FileNotFoundError:
         raise UsageError(
             f"{path}: there is no such file, so the queue has no printers",

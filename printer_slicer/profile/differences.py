@@ -13,9 +13,9 @@ from printer_slicer.profile.tables import RATIO_UNITS, SettingRow, list_setting_
 
 __all__ = ["ChangedSetting", "format_differences_as_html", "format_differences_as_text", "list_differences"]
 
-_MOST_CHANGES: Final = 24  # changes that are shown
-_MOST_ROWS: Final = 6  # settings of each profile that are shown
-_MOST_CHARACTERS: Final = 40  # characters of a value that are shown
+_MAX_CHANGES: Final = 24  # changes that are shown
+_MAX_ROWS: Final = 6  # settings of each profile that are shown
+_MAX_CHARACTERS: Final = 40  # characters of a value that are shown
 
 
 class ChangedSetting(NamedTuple):
@@ -91,7 +91,7 @@ def _format_value(value: object, unit: str) -> str:
     text = lines[0] if lines else ""
     if len(lines) > 1:
         return f"{len(lines)} lines"
-    return text if len(text) <= _MOST_CHARACTERS else f"{text[: _MOST_CHARACTERS - 1]}…"
+    return text if len(text) <= _MAX_CHARACTERS else f"{text[: _MAX_CHARACTERS - 1]}…"
 
 
 def _format_headline(sections: Sequence[Any], rows: Sequence[ChangedSetting]) -> str:
@@ -109,7 +109,7 @@ def _group_rows(rows: Sequence[ChangedSetting]) -> Iterator[tuple[str, Sequence[
         kind = row.key.partition(".")[0]
         groups.setdefault("changed" if row.is_change else f"set by the {kind} profile", []).append(row)
     for title, members in groups.items():
-        most = _MOST_CHANGES if members[0].is_change else _MOST_ROWS
+        most = _MAX_CHANGES if members[0].is_change else _MAX_ROWS
         yield title, members[:most], max(len(members) - most, 0)
 
 

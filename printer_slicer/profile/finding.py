@@ -26,8 +26,8 @@ _IDENTICAL, _SAME_WORDS = -2, -1  # better than the kinds of `rank_match`, which
 _GENERIC: Final = re.compile(r"generic\s+", re.IGNORECASE)  # maker of materials in other slicers
 _EQUIVALENTS: Final = {"quality": {"fast": "draft", "speed": "draft", "normal": "standard", "detail": "fine"}}
 """Words of other slicers -> names of shipped profiles, for suggestions only."""
-_LEAST_SIMILARITY: Final = 0.8  # minimum similarity of a suggestion, 0 to 1
-_MOST_SHOWN: Final = 5  # profiles in a message
+_MIN_SIMILARITY: Final = 0.8  # minimum similarity of a suggestion, 0 to 1
+_MAX_SHOWN: Final = 5  # profiles in a message
 
 
 class ProfileMatch(NamedTuple):
@@ -124,15 +124,15 @@ def suggest_profiles(kind: str, text: str, folders: Sequence[Path] = ()) -> str:
     matches = find_profiles(kind, text, folders)
     if matches:
         matches = matches[:1] if matches[0].is_sure else matches
-        shown = [f"{one.name} ({one.display_name})" for one in matches[:_MOST_SHOWN]]
-        more = " and more" if len(matches) > _MOST_SHOWN else ""
+        shown = [f"{one.name} ({one.display_name})" for one in matches[:_MAX_SHOWN]]
+        more = " and more" if len(matches) > _MAX_SHOWN else ""
         return f"Did you mean {', '.join(shown)}{more}?"
     paths = find_profile_paths(kind, folders)
     if equivalent := _EQUIVALENTS.get(kind, {}).get(text.strip().casefold()):
         return f"Did you mean {equivalent!r}?"
     if contained := _find_contained_name(kind, split_name(text), paths):
         return f"Similar printer: {contained!r}" if kind == "printer" else f"Did you mean {contained!r}?"
-    near = get_close_matches(text.lower(), paths, n=1, cutoff=_LEAST_SIMILARITY)
+    near = get_close_matches(text.lower(), paths, n=1, cutoff=_MIN_SIMILARITY)
     return f"Did you mean {near[0]!r}?" if near else ""
 
 

@@ -19,7 +19,7 @@ from printer_slicer.profile.planners import UniformPlanner
 from printer_slicer.profile.profile import Profile
 from printer_slicer.profile.reading import SettingsSource, flatten_tables, read_chain
 from printer_slicer.profile.settings import Printer, Quality
-from printer_slicer.toml_text import MOST_BYTES
+from printer_slicer.toml_text import MAX_BYTES
 
 __all__ = [
     "DEFAULT",
@@ -190,7 +190,7 @@ def make_profile_for_printer(printer: Printer) -> Profile:
 def read_headline(path: Path) -> str:
     """Return the first sentence of the first comment in a file; only the first line of the comment is read."""
     try:
-        text = read_input(path, MOST_BYTES).decode("utf-8-sig")
+        text = read_input(path, MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError):
         return ""
     for line in text.splitlines():

@@ -42,10 +42,10 @@ INNER_TABLES: Final[Mapping[str, Mapping[str, type[Struct]]]] = {
 
 TABLE_LISTS: Final[Mapping[str, type[Struct]]] = {"overrides": Override, "planner.ranges": HeightRange}
 """Setting that is a list of tables -> type of these tables."""
-_LEAST_SIMILARITY: Final = (
+_MIN_SIMILARITY: Final = (
     0.75  # minimum similarity of a suggestion, 0 to 1, if its words are similar one by one
 )
-_LEAST_SIMILARITY_OF_WHOLE: Final = 0.85  # minimum similarity of any other suggestion
+_MIN_SIMILARITY_OF_WHOLE: Final = 0.85  # minimum similarity of any other suggestion
 _LONGEST_SHORT_PREFIX: Final = 2  # letters; prefixes up to this length give no suggestion
 
 
@@ -116,8 +116,8 @@ def _find_similar(key: str, known: Collection[str]) -> list[str]:
 
     One different word makes another setting: `print_temperature` is not a misspelt `bed_temperature`.
     """
-    near = find_similar_words(key, known, cutoff=_LEAST_SIMILARITY)
-    spelt = find_similar_words(key, near, cutoff=_LEAST_SIMILARITY_OF_WHOLE)
+    near = find_similar_words(key, known, cutoff=_MIN_SIMILARITY)
+    spelt = find_similar_words(key, near, cutoff=_MIN_SIMILARITY_OF_WHOLE)
     words = key.split("_")
     return [
         name
@@ -126,7 +126,7 @@ def _find_similar(key: str, known: Collection[str]) -> list[str]:
         or (
             len(words) == len(others := name.split("_"))
             and all(
-                find_similar_words(word, [other], cutoff=_LEAST_SIMILARITY)
+                find_similar_words(word, [other], cutoff=_MIN_SIMILARITY)
                 for word, other in zip(words, others, strict=True)
             )
         )

@@ -23,7 +23,7 @@ from printer_slicer.profile.renamed import (
 )
 from printer_slicer.profile.settings import Material, Printer, Quality
 from printer_slicer.texts import find_similar_words
-from printer_slicer.toml_text import MOST_BYTES, TomlError, find_key_lines, parse_toml
+from printer_slicer.toml_text import MAX_BYTES, TomlError, find_key_lines, parse_toml
 
 __all__ = [
     "DEFAULT_NAMES",
@@ -51,7 +51,7 @@ DEFAULT_NAMES: Final[Mapping[str, str]] = {
 
 
 MAX_ANCESTORS: Final = 32
-_MOST_LISTED: Final = 16  # names in a message
+_MAX_LISTED: Final = 16  # names in a message
 MAX_NAME_BYTES: Final = 200
 MAX_PATH: Final = 1000
 """Maximum length of a file name in bytes, and of a path in characters; systems allow 255 and a few thousand."""
@@ -207,7 +207,7 @@ def _find_line(lines: Mapping[str, int], key: str) -> int:
 def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Read a TOML file; return its text and its values."""
     try:
-        text = read_input(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
+        text = read_input(path, MAX_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
         return text, parse_toml(text)
     except TomlError as error:
         raise ProfileError(
@@ -221,7 +221,7 @@ def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     except OSError as error:
         if error.errno == errno.EFBIG:
             raise ProfileError(
-                f"{path}: larger than {MOST_BYTES >> 20} MiB, too large for a profile",
+                f"{path}: larger than {MAX_BYTES >> 20} MiB, too large for a profile",
                 remedy="Check the path",
             ) from None
         raise ProfileError(
@@ -290,7 +290,7 @@ def _check_format(path: Path, asked_by: str = "") -> None:
 def _describe_known_names(known: Collection[str]) -> str:
     """Format a remedy that lists the known names; if there are many, it names a command that lists them."""
     return (
-        f"Known: {', '.join(known)}" if len(known) <= _MOST_LISTED else "`printer-slicer profiles` lists all"
+        f"Known: {', '.join(known)}" if len(known) <= _MAX_LISTED else "`printer-slicer profiles` lists all"
     )
 
 

@@ -35,7 +35,7 @@ _SIDE: Final = 1 / 3  # widths from the middle of a bead to the points that stan
 _BEYOND: Final = 1.5  # mm, margin of the grid
 _ROUNDING: Final = 1e-6  # mm
 _INSIDE: Final = 1 / 6  # widths from the middle of a bead to points that must both lie over the part
-_MOST_ABOVE: Final = 0.25  # mm above the gap, up to which supports lie on the part
+_MAX_ABOVE: Final = 0.25  # mm above the gap, up to which supports lie on the part
 _BELOW: Final = 0.02  # mm; a bead lies on beads whose top is this little lower
 
 _SKIPPED, _ON_BED, _OVER_LAYER, _OVER_GAP = range(4)  # kinds of layers; kernel/bead_samples.cpp has the same
@@ -171,7 +171,7 @@ class PartBelow(Struct, frozen=True, eq=False):
     @classmethod
     def of(cls, sections: Sections, layers: LayerPlan, gap: float) -> PartBelow:
         """Find the layers of the part; supports lie at most `gap` and 0.25 mm above it."""
-        reach = gap + _MOST_ABOVE + _ROUNDING
+        reach = gap + _MAX_ABOVE + _ROUNDING
         top, bottom = sections.plan.top, layers.bottom
         first = np.searchsorted(top, bottom - reach)
         return cls(sections, first, np.searchsorted(top, bottom + _ROUNDING, side="right"))

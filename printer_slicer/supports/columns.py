@@ -46,7 +46,7 @@ _WIDE: Final = 5.0  # mm; wider columns need not become wider
 _WIDENING: Final = tan(radians(5.0))  # mm per mm of height
 _WIDENING_STEP: Final = 2.0  # mm of height after which a column becomes wider
 _NARROW_DEPTH: Final = 0.55  # mm below the contact of a strip, down to which it may become wide enough
-_LEAST_LOST: Final = 0.5  # mm²; smaller contacts that are lost are rounding
+_MIN_LOST: Final = 0.5  # mm²; smaller contacts that are lost are rounding
 _ROUNDING: Final = 1e-6  # mm
 _GROUND_DEPTH: Final = 0.6  # mm below a support layer, up to which the part carries it
 _OUTSIDE_BED: Final = "its support would lie outside the bed"
@@ -170,7 +170,7 @@ def _drop_columns(contacts: Areas, blocked: Areas, layers: LayerPlan) -> Areas:
             column.area = offset_open(area, _SLIVER)
             chosen.append(layer)
             found.append((column.area, column.outline))
-            if float((area.area() - column.area.area()).sum()) > _LEAST_LOST:
+            if float((area.area() - column.area.area()).sum()) > _MIN_LOST:
                 column.area = union(
                     column.area, intersection(area, _unite_contacts_above(contacts, layer, layers))
                 )
@@ -257,5 +257,5 @@ def _list_unreached(
     lost = split_connected(offset_open(difference(wanted, left), _SLIVER))
     area, (low, high) = lost.areas.area(), lost.areas.boxes()
     middle, z = ((low + high) / 2).tolist(), layers.top[lost.layer].tolist()
-    large = np.flatnonzero(area > _LEAST_LOST).tolist()
+    large = np.flatnonzero(area > _MIN_LOST).tolist()
     return tuple(UnsupportedPlace(middle[i][0], middle[i][1], z[i], float(area[i]), reason) for i in large)

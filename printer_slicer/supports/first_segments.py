@@ -21,7 +21,7 @@ from printer_slicer.values import Struct
 __all__ = ["FirstSegments", "choose_first_segments", "grow_radius"]
 
 _TIP_LENGTH = 2.0  # mm over which a tip grows to a branch
-_MOST_CHOICES = 24  # places that are compared for each tip, the cheapest ones
+_MAX_CHOICES = 24  # places that are compared for each tip, the cheapest ones
 _SAMPLES = (np.arange(12) + 1) / 12  # from the tip down
 _BEND_PRICE = 10.0  # mm of branch for each mm by which the part is too near, mean of the samples
 _NEAREST_RATIO = 1.1  # of the gap beside the part; nearer to it, too little of the branch would remain
@@ -119,7 +119,7 @@ def _find_best_ends(
     price = fields.to_any.price.reshape(fields.n_levels, -1)[level[:, None], cell]
     possible = inside & (on_bed | (aside <= most))
     cost = np.where(possible, price + np.hypot(np.minimum(aside, most), height), np.inf)
-    order = np.argsort(cost, axis=1, kind="stable")[:, :_MOST_CHOICES]
+    order = np.argsort(cost, axis=1, kind="stable")[:, :_MAX_CHOICES]
     own = np.arange(len(tips))[:, None]
     place, cost = tips[:, None, :2] + way[own, order], cost[own, order]
     which, choice = np.nonzero(np.isfinite(cost))

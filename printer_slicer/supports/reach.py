@@ -10,7 +10,7 @@ from printer_slicer.supports.slopes import limit_threshold
 
 __all__ = ["measure_reach"]
 
-_LEAST_AREA = 1.0  # mm²; parts with fewer overhangs get no room for supports
+_MIN_AREA = 1.0  # mm²; parts with fewer overhangs get no room for supports
 _ABOVE_BED = 0.5  # mm above the bottom of the part; lower facets lie on the bed
 
 
@@ -38,4 +38,4 @@ def _has_overhangs(mesh: Mesh, threshold_deg: float) -> bool:
     length = np.linalg.norm(normal, axis=1)
     is_flat = normal[:, 2] < -np.cos(np.deg2rad(limit_threshold(threshold_deg))) * length
     is_high = mesh.triangles[:, :, 2].max(axis=1) > mesh.bounds[0, 2] + _ABOVE_BED
-    return bool(length[is_flat & is_high].sum() / 2 > _LEAST_AREA)
+    return bool(length[is_flat & is_high].sum() / 2 > _MIN_AREA)

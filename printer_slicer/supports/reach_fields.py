@@ -27,10 +27,10 @@ __all__ = ["BranchRoutes", "CellMoves", "ReachFields", "build_fields", "find_bra
 
 CELL = 0.5  # mm
 SLAB_RATIO = 3.0  # height of a slab, in cells
-_MOST_CELLS = 6e6  # in all slabs; large parts get larger cells
+_MAX_CELLS = 6e6  # in all slabs; large parts get larger cells
 _MARGIN = 15.0  # mm around the part in which branches may go
 _HALF_DIAGONAL = 0.35  # cells; the outline of a solid may pass beside the middles of its cells
-_MOST_UNEVEN = 0.6  # mm by which a horizontal surface may vary between cells
+_MAX_UNEVEN = 0.6  # mm by which a horizontal surface may vary between cells
 _STEEP_PRICE = 5.0  # times the price of standing on a horizontal surface
 _STEEPEST = (
     1.1  # mm by which a surface may vary between cells around a branch that stands on it, about 40 degrees
@@ -156,7 +156,7 @@ def _choose_grid(sections: Sections, highest: float, bed: tuple[Float, Float]) -
     low = np.maximum(low.min(axis=0) - _MARGIN, np.minimum(bed[0], low.min(axis=0)))
     high = np.minimum(high.max(axis=0) + _MARGIN, np.maximum(bed[1], high.max(axis=0)))
     volume = float(np.prod(high - low)) * max(highest, 1.0)
-    cell = max(CELL, round((volume / SLAB_RATIO / _MOST_CELLS) ** (1 / 3), 2))
+    cell = max(CELL, round((volume / SLAB_RATIO / _MAX_CELLS) ** (1 / 3), 2))
     return CellGrid.around(low, high, cell), SLAB_RATIO * cell
 
 
@@ -214,7 +214,7 @@ def _measure_end_clearance(
         under = surface[level]
         with np.errstate(invalid="ignore"):
             change = highest_within(under, NEIGHBOUR_CELLS) + highest_within(-under, NEIGHBOUR_CELLS)
-            for result, most in ((gentle, _STEEPEST), (horizontal, _MOST_UNEVEN)):
+            for result, most in ((gentle, _STEEPEST), (horizontal, _MAX_UNEVEN)):
                 result[level] = np.where(top, clearance(~(change <= most), cell, reach), 0.0)
     return gentle, horizontal
 

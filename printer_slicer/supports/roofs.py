@@ -34,7 +34,7 @@ __all__ = [
 _NARROWEST_ROOF = 2.0  # mm
 _DIRECTIONS = np.deg2rad(np.arange(0, 180, 5))
 _THINNEST = 0.4  # extrusion widths; narrower rests of roofs are left out
-_LEAST_CARRIED = 0.15  # of a piece of roof
+_MIN_CARRIED = 0.15  # of a piece of roof
 _LAPPING = 0.1  # mm by which the roof reaches beyond the middle between two joists
 
 
@@ -221,7 +221,7 @@ def _drop_unsupported_roofs(roof: Areas, joist: Areas, n_closed: int) -> Areas:
         pieces = split_connected(roof)
         below = roof.merge(joist).shift_layers(1)
         carried = intersection(pieces.areas, pieces.select_nearby_rings(below)).area()
-        stands = (carried >= _LEAST_CARRIED * pieces.areas.area()) | (pieces.layer == 0)
+        stands = (carried >= _MIN_CARRIED * pieces.areas.area()) | (pieces.layer == 0)
         if stands.all():
             break
         roof = pieces.on_layers(roof.n_layers, np.flatnonzero(stands))

@@ -41,8 +41,8 @@ GroupTimes = Callable[[Toolpaths, Int, int, Profile], Float]
 STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": grow_trees}
 """Function for each style; `auto` uses the cheaper one for each group of overhangs."""
 
-_LEAST_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
-_MOST_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
+_MIN_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
+_MAX_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
 _BARE_MINUTES: Final = 2.0  # that a place without support costs
 _BARE_AREA: Final = 6.0  # mm² of a place without support
 _ISLAND_MINUTES: Final = 100.0  # that an island without support costs
@@ -159,14 +159,14 @@ def _choose_styles(
     least = estimate_least_tree_costs(columns.supports, columns.paths, groups, profile)
     gets_tree, lowest, best = least < cost, cost.sum(), [columns]
     case, has_tree = (overhangs, plan, sections, profile), np.zeros(groups.count, np.bool_)
-    for _ in range(_MOST_DIVISIONS):
+    for _ in range(_MAX_DIVISIONS):
         if not gets_tree.any():
             break
         made = _make_both(gets_tree[groups.of_patch], overhangs, plan, sections, profile)
         found = np.sum([price.of(one) for one in made], axis=0)
         if found.sum() < lowest:
             lowest, best, has_tree = found.sum(), made, gets_tree.copy()
-        if np.minimum(found, cost).sum() > (1 - _LEAST_GAIN) * lowest:
+        if np.minimum(found, cost).sum() > (1 - _MIN_GAIN) * lowest:
             break
         gets_tree &= found < cost
     printed = _remove_unsupported(best, *case)

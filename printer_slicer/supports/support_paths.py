@@ -43,7 +43,7 @@ _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines 
 _LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
 _SHORTEST: Final = 0.8  # widths; shorter lines are dropped
 _SHORTEST_CLOSED: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
-_LEAST_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
+_MIN_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
 _LONGEST_END: Final = 0.75  # mm by which lines of interfaces may reach beyond the lines below
 _ALONG: Final = 20.0  # by which areas are stretched along rows, so that gaps are closed across rows only
 _FLOOR_GAPS: Final = 2.0  # gaps of interfaces between the lines of floors
@@ -114,7 +114,7 @@ def _make_base(supports: Supports, slim: Areas, widths: _Widths, profile: Profil
         band = difference(above, offset(above, -widths.spacing))
         inner = difference(inner, offset(band, (0.5 - _OVERLAP) * widths.line))
         # Between two loops that are near each other, there is no room for lines.
-        inside = offset_open(intersection(inner, above), _LEAST_ROOM / 2)
+        inside = offset_open(intersection(inner, above), _MIN_ROOM / 2)
         inner = difference(inner, above).merge(inside)
     lines, pieces, spacing = hatch_bases(supports, inner, quality.support_spacing)
     return [*paths, _join_lines(layers, lines, (area, pieces.layer), widths, (spacing, Role.SUPPORT))]

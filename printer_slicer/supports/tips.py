@@ -28,7 +28,7 @@ __all__ = [
 
 _REACH_OF_SLOPES, _REACH_OF_FLATS = 0.9, 0.7  # of the spacing of joists
 _REACH_OF_TIPS = 1.9  # mm from the side of a tip up to the edge of a strip
-_LEAST_REACH = 1.0  # mm
+_MIN_REACH = 1.0  # mm
 REACH_IN_Z = 2.0  # mm from a place up to the tip; below the tip, its branch carries what is beside it
 LOWEST_TIP = 0.6  # mm from a place down to the tip
 _CELL_RATIO = 1.4  # reaches; larger cells leave places that need another round, smaller ones give more tips
@@ -99,7 +99,7 @@ def list_strip_places(strips: Areas, overhangs: Overhangs, plan: SupportPlan, se
     reach = np.where(overhangs.is_flat[layer], _REACH_OF_FLATS, _REACH_OF_SLOPES) * settings.joist
     # The edges of wide strips, on slopes that are nearly level, are farther from a tip than the middle.
     half = np.nan_to_num(depths(strips, points, layer, _LONGEST_CHORD / 2))
-    reach = np.minimum(reach, np.maximum(_REACH_OF_TIPS + settings.tip_radius - half, _LEAST_REACH))
+    reach = np.minimum(reach, np.maximum(_REACH_OF_TIPS + settings.tip_radius - half, _MIN_REACH))
     return Tips(place, carrier, np.full(n, -1), np.zeros(n, np.bool_), reach)
 
 

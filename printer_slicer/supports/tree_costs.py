@@ -17,7 +17,7 @@ from printer_slicer.supports.patch_groups import PatchGroups
 
 __all__ = ["estimate_least_tree_costs"]
 
-_LEAST_LOOPS: Final = 0.5  # in each layer of a group; less area is a rest of a column
+_MIN_LOOPS: Final = 0.5  # in each layer of a group; less area is a rest of a column
 
 
 def estimate_least_tree_costs(
@@ -47,7 +47,7 @@ def estimate_least_tree_costs(
         quality.support_joist_spacing * quality.support_tip_distance + pi * reach**2
     )  # mm² that a branch carries
     loops = covered / each
-    loops = np.where(covered > 0, np.maximum(loops, _LEAST_LOOPS), 0.0)
+    loops = np.where(covered > 0, np.maximum(loops, _MIN_LOOPS), 0.0)
     length = pi * (quality.support_branch_diameter - profile.extrusion_width)
     width = np.maximum(profile.extrusion_width, layers.height)
     volume = loops @ (length * bead.cross_section(width, layers.height))

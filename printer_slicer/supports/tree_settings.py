@@ -54,7 +54,7 @@ class TreeSettings(Struct, frozen=True):
 
 _LARGEST_RATIO = 1.45  # branch radii; such a branch is still printed as a single loop
 _SMALLEST_RADIUS = 1.0  # extrusion widths; a branch is a loop, and no loop can be smaller
-_LEAST_DISTANCE = 3.0  # extrusion widths between joists; nearer ones leave no room between them
+_MIN_DISTANCE = 3.0  # extrusion widths between joists; nearer ones leave no room between them
 _SLIMMEST = 35.0  # height by radius
 _NEAR_GAP = (
     0.2  # mm; a narrow strip under a slope is farther than this from the layer below, or no tip reaches it
@@ -82,7 +82,7 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         bottom_gap=quality.support_bottom_gap,
         xy_gap=xy_gap,
         near_gap=min(_NEAR_GAP, xy_gap),
-        joist=max(quality.support_joist_spacing, _LEAST_DISTANCE * width),
+        joist=max(quality.support_joist_spacing, _MIN_DISTANCE * width),
         interface_layers=quality.support_interface_layers,
         tip_distance=max(quality.support_tip_distance, 2 * tip_radius),
         tip_radius=tip_radius,

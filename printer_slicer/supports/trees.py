@@ -50,10 +50,10 @@ from printer_slicer.supports.unsupported_places import NO_WAY
 __all__ = ["grow_trees"]
 
 _CONTACT_GROWTH = 0.2  # mm, least by which contacts reach beyond the overhang
-_LEAST_LEFT = 0.5  # of the area that hangs in a layer
+_MIN_LEFT = 0.5  # of the area that hangs in a layer
 _BESIDE_ROOF = 1.0  # mm; strips this near to a roof need no tips
 _ATTEMPTS = 5  # rounds of tips, of which the first one is for islands
-_LEAST_BOTTOM_GAP = (
+_MIN_BOTTOM_GAP = (
     0.5  # of the gap; the layers are not planned for ends on the part, which must not be too far above it
 )
 _NOTCH = 0.15  # mm, smallest radius of corners between branches that touch
@@ -77,7 +77,7 @@ def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, prof
     if not n:
         return Supports(plan, empty, empty, empty, empty, empty)
     settings = read_tree_settings(profile, float(layers.height.max()), float(layers.top[-1]))
-    gaps = _LEAST_BOTTOM_GAP * settings.bottom_gap, find_gaps_above(plan, settings.gap)
+    gaps = _MIN_BOTTOM_GAP * settings.bottom_gap, find_gaps_above(plan, settings.gap)
     blocked = find_blocked_areas(sections, layers, settings.xy_gap, gaps, settings.near_gap)
     bed = np.array(profile.printer.corners[0]), np.array(profile.printer.corners[1])
     fields = build_fields(sections, float(layers.top[-1]), bed, settings)
@@ -154,7 +154,7 @@ def _find_contacts(area: Areas, carrier: Int, blocked: Areas, settings: TreeSett
     area = area.of_layers(carrier >= 0)
     not_here = blocked.copy_layers(np.maximum(carrier, 0))
     contacts = difference(offset(area, _CONTACT_GROWTH), not_here)
-    lost = contacts.area() < _LEAST_LEFT * area.area()
+    lost = contacts.area() < _MIN_LEFT * area.area()
     if not lost.any():
         return contacts
     more = difference(offset(area.of_layers(lost), settings.xy_gap), not_here.of_layers(lost))

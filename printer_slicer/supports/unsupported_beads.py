@@ -27,9 +27,9 @@ _ENDS: Final = 0.6  # the same for the end of a line
 _TURN_SPANS: Final = 1.0  # the same for a stretch of a line that turns
 _RESTS: Final = 0.3  # of longer ends and turns, the length at each carried side that remains
 _STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
-_LEAST_OF_LOOP: Final = 1 / 3  # of its length that must be carried
-_LEAST_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
-_LEAST_CARRIED: Final = 0.3  # mm of short lines that must be carried
+_MIN_OF_LOOP: Final = 1 / 3  # of its length that must be carried
+_MIN_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
+_MIN_CARRIED: Final = 0.3  # mm of short lines that must be carried
 _LARGE_LOOP: Final = 6.0  # mm, length of loops that may lie across the lines of the first layer
 _SHORTEST: Final = 1.0  # widths; shorter rests are taken out
 
@@ -117,8 +117,8 @@ def _mark_barely_carried(paths: Toolpaths, path: Int, length: Float, carried: Bo
     # Large loops of the second layer may lie across the lines of the first one.
     across = (paths.layer[numbers] <= 1) & (whole > _LARGE_LOOP)
     is_loop = paths.closed[numbers] & (paths.role[numbers] == Role.SUPPORT) & ~across
-    least = np.maximum(_LEAST_OF_LINE * whole, np.minimum(_LEAST_CARRIED, whole / 2))
-    little = part < np.where(is_loop, _LEAST_OF_LOOP * whole, least)
+    least = np.maximum(_MIN_OF_LINE * whole, np.minimum(_MIN_CARRIED, whole / 2))
+    little = part < np.where(is_loop, _MIN_OF_LOOP * whole, least)
     return np.asarray(little[path - low])
 
 

@@ -36,7 +36,7 @@ _DIAGONAL: Final = 1.0  # radians, direction of the rows of points; rows along a
 _LEAST: Final = 0.5  # mm²; smaller places are rounding
 _BESIDE: Final = 1.0  # mm around coarse points without support, where areas are measured
 _FINE: Final = 0.15  # mm, the same for measuring areas
-_MOST_POINTS: Final = 300  # of a place, whose distances are measured
+_MAX_POINTS: Final = 300  # of a place, whose distances are measured
 _NEAR: Final = 3.0  # mm from a place to one for which a reason is known
 _FARTHEST: Final = 50.0  # mm; larger distances are not told apart
 _ROUNDING: Final = 1e-6  # mm
@@ -350,7 +350,7 @@ def _measure_to_sample(places: Float, points: Float) -> Float:
 
 def _choose_sample(count: int) -> Int:
     """Return the indices of up to 300 of `count` points, evenly distributed."""
-    return np.linspace(0, count - 1, min(count, _MOST_POINTS)).astype(np.int64)
+    return np.linspace(0, count - 1, min(count, _MAX_POINTS)).astype(np.int64)
 
 
 def _measure_to_part(points: Float, z: float, away: Float, sections: Sections) -> Float:

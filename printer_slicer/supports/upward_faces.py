@@ -13,7 +13,7 @@ from printer_slicer.model import Overhangs, Sections
 
 __all__ = ["find_upward_faces"]
 
-_LEAST_AREA: Final = 4.0  # mm² of a face that counts
+_MIN_AREA: Final = 4.0  # mm² of a face that counts
 _NARROWEST: Final = 2.0  # mm; the steps of slopes are narrower
 
 
@@ -27,10 +27,10 @@ def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
     solid, plan = sections.solid, sections.plan
     area, highest = solid.area(), overhangs.plan.bottom[overhangs.area.used].max(initial=0.0)
     # Where a section is hardly smaller than the one below, no wide face ends the lower one.
-    lower = np.flatnonzero((area[:-1] - area[1:] > _LEAST_AREA) & (plan.top[:-1] < highest))
+    lower = np.flatnonzero((area[:-1] - area[1:] > _MIN_AREA) & (plan.top[:-1] < highest))
     if not len(lower):
         return np.zeros(0)
     faces = difference(solid.copy_layers(lower), solid.copy_layers(lower + 1))
     seen = unite_layers(overhangs.area).copy_layers(np.zeros(len(lower), np.int64))
     below = offset_open(intersection(faces, seen), _NARROWEST / 2)
-    return np.asarray(plan.top[lower[below.area() > _LEAST_AREA]])
+    return np.asarray(plan.top[lower[below.area() > _MIN_AREA]])

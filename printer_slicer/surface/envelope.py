@@ -12,7 +12,7 @@ from printer_slicer.surface.range_maximum import find_table_level, propagate_max
 __all__ = ["Envelope"]
 
 _BIN: Final = 0.01  # mm
-_MOST_BINS: Final = 1 << 16
+_MAX_BINS: Final = 1 << 16
 
 
 class Envelope:
@@ -32,7 +32,7 @@ class Envelope:
     @classmethod
     def between_heights(cls, bottom: float, top: float) -> Envelope:
         """Return an empty envelope for a part between two heights, mm."""
-        n = int(np.clip((top - bottom) / _BIN, 1, _MOST_BINS))
+        n = int(np.clip((top - bottom) / _BIN, 1, _MAX_BINS))
         return cls(bottom, max((top - bottom) / n, 1e-12), n)
 
     def add(self, low: Float, high: Float, rise: Float) -> None:

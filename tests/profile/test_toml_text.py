@@ -17,7 +17,7 @@ from printer_slicer.errors import ProfileError
 from printer_slicer.profile import load_profile
 from printer_slicer.profile.folders import find_profile_paths
 from printer_slicer.profile.reading import KINDS, read_chain
-from printer_slicer.toml_text import LARGEST, MOST_BYTES, MOST_PARTS, TomlError, find_key_lines, parse_toml
+from printer_slicer.toml_text import LARGEST, MAX_BYTES, MAX_PARTS, TomlError, find_key_lines, parse_toml
 
 HOSTILE = {
     "a key of many parts": ("a = 1\n" + "a." * 20_000 + "b = 1\n", 2, "nested tables or lists"),
@@ -39,7 +39,7 @@ HOSTILE = {
     "lists in lists, closed": ("a = 1\nb = " + "[" * 200 + "]" * 200, 2, "nested tables or lists"),
     "tables in tables": ("b = " + "{a=" * 100_000, 1, "nested tables or lists"),
     "few parsers go down so far": (
-        "b = " + "[" * (MOST_PARTS + 1) + "]" * (MOST_PARTS + 1),
+        "b = " + "[" * (MAX_PARTS + 1) + "]" * (MAX_PARTS + 1),
         1,
         "nested tables or lists",
     ),
@@ -122,7 +122,7 @@ def test_shipped_profiles_are_far_from_the_limits(kind: str) -> None:
     for name, path in find_profile_paths(kind).items():
         text = path.read_text(encoding="utf-8")
         assert parse_toml(text) == tomllib.loads(text)
-        assert len(text) < MOST_BYTES / 10
+        assert len(text) < MAX_BYTES / 10
         assert read_chain(kind, name).values
 
 

@@ -12,7 +12,7 @@ from printer_slicer.print_queue import PrintQueue
 from printer_slicer.server.assets import Asset, load_assets
 from tests.server.client import GCODE, ServerClient, form
 
-MOST_BYTES = 90_000
+MAX_BYTES = 90_000
 FOLDER = files("printer_slicer.server").joinpath("page")
 MODULES = sorted(one.name for one in FOLDER.iterdir() if one.name.endswith(".js"))
 
@@ -27,7 +27,7 @@ def visitor(server: ServerClient) -> ServerClient:
 def test_the_page_is_small(visitor: ServerClient) -> None:
     assets = load_assets()
     assert len(assets) == 3
-    assert sum(len(asset.content) for asset in assets.values()) <= MOST_BYTES
+    assert sum(len(asset.content) for asset in assets.values()) <= MAX_BYTES
     for address in assets:
         assert visitor.get(address).status_code == 200
 

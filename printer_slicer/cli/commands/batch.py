@@ -42,8 +42,8 @@ EXAMPLES: Final = """\
   printer-slicer batch *.3mf --output-dir gcode --resume              slice what is missing
   printer-slicer batch *.stl --output-dir gcode --cluster tcp://10.0.0.5:8786"""
 _FAILED: Final = 3
-_MOST_SHOWN: Final = 40  # rows
-_LEAST_SIZE: Final = 200_000  # bytes; the smallest model takes as long as this size of a large one
+_MAX_SHOWN: Final = 40  # rows
+_MIN_SIZE: Final = 200_000  # bytes; the smallest model takes as long as this size of a large one
 _MAX_WIDTH: Final = 60  # letters of a name; longer ones shift the columns of their row
 _REPORTS: Final = (".csv", ".html")
 
@@ -199,7 +199,7 @@ class _Progress:
         self, arguments: argparse.Namespace, tasks: Sequence[BatchTask], report: Callable[[str], object]
     ) -> None:
         is_quiet = arguments.quiet or arguments.json
-        self._sizes = {task.name: task.model.size + _LEAST_SIZE for task in tasks}
+        self._sizes = {task.name: task.model.size + _MIN_SIZE for task in tasks}
         self._report, self._is_verbose = report, arguments.verbose
         self._lines = Milestones("slicing", wanted=not (is_quiet or arguments.verbose or sys.stderr.isatty()))
         self._began, self._done_size, self._kept_size = monotonic(), 0, 0
@@ -260,10 +260,10 @@ def _print_results(arguments: argparse.Namespace, results: Sequence[BatchResult]
         return
     width = min(max(len(one.task) for one in results), _MAX_WIDTH)
     table = list(zip(results, rows, best, strict=True))
-    lines = [_format_row(one, row, width, is_best=mark) for one, row, mark in table[:_MOST_SHOWN]]
-    if len(table) > _MOST_SHOWN:
-        lines.append(f"... and {len(table) - _MOST_SHOWN} more; --report FILE.html lists all")
-        lines += [f"{one.task}: failed: {one.problem}" for one in results[_MOST_SHOWN:] if one.problem]
+    lines = [_format_row(one, row, width, is_best=mark) for one, row, mark in table[:_MAX_SHOWN]]
+    if len(table) > _MAX_SHOWN:
+        lines.append(f"... and {len(table) - _MAX_SHOWN} more; --report FILE.html lists all")
+        lines += [f"{one.task}: failed: {one.problem}" for one in results[_MAX_SHOWN:] if one.problem]
     if has_choices:
         lines.append("*: no other row of this part has less print time, deviation and volume error")
     lines.append(f"{arguments.output_dir}: {len(results) - n_failed} of {len(results)} sliced")

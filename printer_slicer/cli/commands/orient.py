@@ -34,7 +34,7 @@ EXAMPLES: Final = """\
   printer-slicer orient part.stl --careful --printer creality_ender3 --keep-up 60
   printer-slicer slice part.stl --orient fast                turn the part, then slice it
   printer-slicer slice part.stl --orient fast --orient-row 2   turn it as in the second row"""
-_MOST_ROWS: Final = 10
+_MAX_ROWS: Final = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="slice the best three orientations, instead of comparing estimates",
     )
     add_keep_up_option(parser, "--keep-up")
-    parser.add_argument("--all", action="store_true", help=f"show all rows, not only the first {_MOST_ROWS}")
+    parser.add_argument("--all", action="store_true", help=f"show all rows, not only the first {_MAX_ROWS}")
     add_setting_options(parser)
     group = parser.add_argument_group("model placement")
     add_transform_options(group)
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         facts = {"models": [_collect_facts(one) for one in tables]}
         print(json.dumps(facts | collect_profile_facts(arguments)))
     else:
-        shown = None if arguments.all else _MOST_ROWS
+        shown = None if arguments.all else _MAX_ROWS
         print_text(
             arguments,
             "\n".join(_format_table(one.title, one.found, shown) for one in tables),

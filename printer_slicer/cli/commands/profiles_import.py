@@ -33,8 +33,8 @@ EXAMPLES: Final = """\
   printer-slicer profiles import creality_ender3.def.json --cura layer_height=0.2
   printer-slicer profiles import fine.curaprofile --folder cura/resources/definitions
 """
-_MOST_DIFFERENCES: Final = 5
-_MOST_WARNINGS: Final = 3
+_MAX_DIFFERENCES: Final = 5
+_MAX_WARNINGS: Final = 3
 _MAX_DETAILED: Final = 3  # profiles; with more of them, only counts and warnings are printed
 _FORMER_KEYS: Final = {
     "taken_over": "taken",
@@ -407,7 +407,7 @@ def _format_largest_differences(imported: Sequence[ImportedProfile]) -> Iterator
     from printer_slicer.importing import find_largest_differences
 
     found = find_largest_differences(imported)
-    shown = found[:_MOST_DIFFERENCES]
+    shown = found[:_MAX_DIFFERENCES]
     if shown:
         yield "largest differences from the source:"
         yield from (f"  {one.text}" for one in shown)
@@ -421,7 +421,7 @@ def _format_warnings(imported: Sequence[ImportedProfile], *, verbose: bool) -> I
     from printer_slicer.importing import find_other_notes
 
     notes = [note for one in imported for note in (one.notes if verbose else find_other_notes(one))]
-    shown = notes if verbose else notes[:_MOST_WARNINGS]
+    shown = notes if verbose else notes[:_MAX_WARNINGS]
     yield from (f"warning: {note.place}: {note.text}" for note in shown)
     if len(shown) < len(notes):
         yield f"add -v to see {_format_count(len(notes) - len(shown), 'more warning')}"

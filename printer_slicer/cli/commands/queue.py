@@ -47,7 +47,7 @@ _ACTIONS: Final = {
     "run": "start jobs on printers with a clear bed, until Ctrl-C",
 }
 _BEDS: Final = {"clear": "bed clear", "occupied": "bed occupied", "unknown": "bed may be occupied"}
-_MOST_ENDED: Final = 100  # jobs that --all lists
+_MAX_ENDED: Final = 100  # jobs that --all lists
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -351,7 +351,7 @@ def _add_printer(arguments: argparse.Namespace, _: PrintQueue) -> int:
 def _list(arguments: argparse.Namespace, queue: PrintQueue) -> int:
     """List printers and jobs."""
     snapshot = queue.snapshot()
-    ended = queue.list_ended_jobs(_MOST_ENDED) if arguments.all else ()
+    ended = queue.list_ended_jobs(_MAX_ENDED) if arguments.all else ()
     facts = as_dict(snapshot) | ({"ended": [as_dict(job) for job in ended]} if arguments.all else {})
     lines = [_format_printer(state) for state in snapshot.printers]
     lines += [_format_job(queue, job) for job in (*snapshot.jobs, *ended)]

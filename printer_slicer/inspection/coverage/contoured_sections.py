@@ -27,8 +27,8 @@ _CLASS: Final = 0.1  # layer heights per extrusion width, the step between class
 _N_CLASSES: Final = 14
 _MAX_GRADIENT: Final = 0.75  # mm per mm; steeper slopes are not extended
 _MIN_COVERED: Final = 0.5  # share of the surface of a class
-_LEAST_QUANTILE: Final = 0.02  # of the length of contoured extrusions
-_LEAST_HEIGHTS: Final = 0.02, 0.2  # mm, smallest and largest least height of an extrusion
+_MIN_QUANTILE: Final = 0.02  # of the length of contoured extrusions
+_MIN_HEIGHTS: Final = 0.02, 0.2  # mm, smallest and largest least height of an extrusion
 _LOWEST_EDGE: Final = 0.02  # mm above the bottom of a layer
 _MAX_GAP: Final = 0.02  # mm between a section and its extension, from rounding
 _SAME_HEIGHT: Final = 1e-3  # mm
@@ -38,11 +38,11 @@ def find_least_height(stack: Stack) -> float:
     """Return the height, mm, of the lowest contoured extrusions, without single even lower ones."""
     some = stack.beads.take(stack.beads.is_contoured)
     if not some.n_beads:
-        return _LEAST_HEIGHTS[0]
+        return _MIN_HEIGHTS[0]
     order = np.argsort(some.height)
     reached = np.cumsum(some.length[order])
-    found = some.height[order][np.searchsorted(reached, _LEAST_QUANTILE * reached[-1])]
-    return float(np.clip(found, *_LEAST_HEIGHTS))
+    found = some.height[order][np.searchsorted(reached, _MIN_QUANTILE * reached[-1])]
+    return float(np.clip(found, *_MIN_HEIGHTS))
 
 
 def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -> Areas:

@@ -20,7 +20,7 @@ __all__ = ["SurfaceErrors", "find_surface", "measure_surface_errors"]
 
 _ROUNDING: Final = 1e-9  # mm
 _CELL: Final = 1.0  # mm, cells in which facets and points are joined
-_MOST_PAIRS: Final = 1 << 20  # bounds the memory
+_MAX_PAIRS: Final = 1 << 20  # bounds the memory
 _PIECE: Final = 0.5  # mm
 _TOLERANCE: Final = 0.04  # mm above and below the surface: steps of z, and points on the paths
 _UNCERTAIN_GRADIENT: Final = (
@@ -192,7 +192,7 @@ def _pair_by_cell(points: Float, triangles: Float) -> Iterator[tuple[Int, Int]]:
     own = np.floor((points - origin) / _CELL).astype(np.int64)
     key = own[:, 1] * size[0] + own[:, 0]
     first, last = np.searchsorted(cell, key), np.searchsorted(cell, key, side="right")
-    block = np.cumsum(last - first) // _MOST_PAIRS
+    block = np.cumsum(last - first) // _MAX_PAIRS
     for one in np.unique(block).tolist():
         some = np.flatnonzero(block == one)
         pairs = last[some] - first[some]

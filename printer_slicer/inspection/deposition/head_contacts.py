@@ -21,7 +21,7 @@ from printer_slicer.values import Struct
 __all__ = ["HeadContact", "HeadContactFinder"]
 
 _CELL: Final = 0.5  # mm
-_MOST_CELLS: Final = 600  # along each side of the bed; larger beds have wider cells
+_MAX_CELLS: Final = 600  # along each side of the bed; larger beds have wider cells
 _TOLERANCE: Final = 1.0  # mm; the nozzle may be this far below the print without a contact of the head
 _Box = tuple[tuple[float, float], tuple[float, float]]
 
@@ -65,7 +65,7 @@ class HeadContactFinder:
     def __init__(self, shapes: Sequence[HeadShape], box: _Box) -> None:
         (self._left, self._front), high = box
         size = high[0] - self._left, high[1] - self._front
-        self._cell = max(_CELL, max(size) / _MOST_CELLS)
+        self._cell = max(_CELL, max(size) / _MAX_CELLS)
         self._columns, self._rows = (int(np.ceil(side / self._cell)) for side in size)
         self._shapes = shapes
         self._maps: list[_DilatedMap] = []
@@ -108,7 +108,7 @@ class HeadContactFinder:
         self._printed, self._maps = -np.inf, []
         if height_map is None or not height_map.highest:
             return
-        heights = self._read_heights(height_map.plate_heights(_MOST_CELLS * 2))
+        heights = self._read_heights(height_map.plate_heights(_MAX_CELLS * 2))
         tables = _make_range_maxima(heights)
         self._maps = [
             _DilatedMap(shape.height, self._dilate(heights, tables, shape))

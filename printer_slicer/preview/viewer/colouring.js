@@ -31,7 +31,7 @@ const TOOLS = ["#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00",
 const TOOL_NUMBERS = Array.from({ length: 256 }, (_, number) => number);
 const OUTLIERS = 0.002; // fraction of the extrusions at each end of the scale, so that a few do not stretch it
 const BINS = 4096;
-const MOST_LABELS = 7;
+const MAX_LABELS = 7;
 
 /**
  * Return the colours of all moves; the work is done in short tasks.
@@ -173,8 +173,8 @@ function skipBins(bins, count) {
 
 function scaleLegend(low, high) {
   if (!(high > low)) return [{ label: formatValue(low), colour: SCALE[0] }];
-  return Array.from({ length: MOST_LABELS }, (_, number) => {
-    const share = number / (MOST_LABELS - 1);
+  return Array.from({ length: MAX_LABELS }, (_, number) => {
+    const share = number / (MAX_LABELS - 1);
     const colour = SCALE[Math.round(share * (SCALE.length - 1))];
     return { label: formatValue(low + share * (high - low)), colour };
   }).reverse();

@@ -3,8 +3,8 @@
  */
 
 const BORDER = 16; // px around the print
-const MOST_SCALE = 2000; // px per mm
-const LEAST_SCALE = 0.05;
+const MAX_SCALE = 2000; // px per mm
+const MIN_SCALE = 0.05;
 
 /**
  * Which part of the bed is visible: its centre, mm, and px per mm. y points up on the bed and down in the picture.
@@ -31,7 +31,7 @@ export class FlatWindow {
     this.y = (low[1] + high[1]) / 2;
     const across = (this.width - 2 * BORDER) / Math.max(high[0] - low[0], 1);
     const up = (this.height - 2 * BORDER) / Math.max(high[1] - low[1], 1);
-    this.scale = Math.max(Math.min(across, up), LEAST_SCALE);
+    this.scale = Math.max(Math.min(across, up), MIN_SCALE);
     this.isFitted = true;
   }
 
@@ -45,7 +45,7 @@ export class FlatWindow {
   /** Enlarge the picture by a factor; the place at (left, top), px, stays where it is. */
   zoom(factor, left = this.width / 2, top = this.height / 2) {
     const [x, y] = this.toBed(left, top);
-    this.scale = Math.max(LEAST_SCALE, Math.min(this.scale * factor, MOST_SCALE));
+    this.scale = Math.max(MIN_SCALE, Math.min(this.scale * factor, MAX_SCALE));
     const [newX, newY] = this.toBed(left, top);
     this.x += x - newX;
     this.y += y - newY;

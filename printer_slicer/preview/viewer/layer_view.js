@@ -17,11 +17,11 @@ import { EXTRUSION, JUMP, RETRACTION, TRAVEL, WIDTH_STEP, endOfLayer } from "./p
 
 const INNER = 0.8; // fraction of the width between the dark edges, by which neighbours are told apart
 const EDGE = 0.6; // brightness of the edges
-const LEAST_WIDTH_WITH_EDGES = 3; // px
+const MIN_WIDTH_WITH_EDGES = 3; // px
 const SAME_WIDTH = 2; // in the unit of the column; nearly equal widths are one stroke
-const MOST_SEGMENTS = 300; // of one stroke: long ones take more than their share of time
+const MAX_SEGMENTS = 300; // of one stroke: long ones take more than their share of time
 const MARK = 3.5; // px, radius
-const LEAST_WIDTH = 0.7; // px
+const MIN_WIDTH = 0.7; // px
 const TRAVEL_WIDTH = 1; // px
 
 /** @type {Map<string, string>} */
@@ -85,7 +85,7 @@ function drawExtrusions(pen, preview, begin, end, colourOf, edges) {
     }
     let last = first + 1;
     while (last < end && role[last] === role[first]) last += 1;
-    const hasEdges = edges && WIDTH_STEP * preview.sizes[2 * first] * pen.scale >= LEAST_WIDTH_WITH_EDGES;
+    const hasEdges = edges && WIDTH_STEP * preview.sizes[2 * first] * pen.scale >= MIN_WIDTH_WITH_EDGES;
     if (hasEdges) drawPath(pen, preview, first, last, 1, (move) => darken(colourOf(move)));
     drawPath(pen, preview, first, last, hasEdges ? INNER : 1, colourOf);
     first = last;
@@ -106,14 +106,14 @@ function drawPath(pen, preview, begin, end, share, colourOf) {
   for (let move = begin; move < end; move += 1) {
     const newColour = colourOf(move);
     const newWidth = preview.sizes[2 * move];
-    if (newColour !== colour || Math.abs(newWidth - width) > SAME_WIDTH || segments >= MOST_SEGMENTS) {
+    if (newColour !== colour || Math.abs(newWidth - width) > SAME_WIDTH || segments >= MAX_SEGMENTS) {
       if (segments) context.stroke();
       segments = 0;
       colour = newColour;
       width = newWidth;
       context.beginPath();
       context.strokeStyle = colour;
-      context.lineWidth = Math.max(share * WIDTH_STEP * width * pen.scale, LEAST_WIDTH);
+      context.lineWidth = Math.max(share * WIDTH_STEP * width * pen.scale, MIN_WIDTH);
       context.moveTo(pen.x(move), pen.y(move));
     }
     context.lineTo(pen.x(move + 1), pen.y(move + 1));

@@ -2,8 +2,8 @@
  * A camera that turns around the print, without perspective.
  */
 
-const LEAST_PITCH = 0.02;
-const MOST_PITCH = Math.PI / 2;
+const MIN_PITCH = 0.02;
+const MAX_PITCH = Math.PI / 2;
 const MARGIN = 1.08;
 
 /**
@@ -41,7 +41,7 @@ export class OrbitCamera {
   /** Turn the print by px. */
   turn(right, down) {
     this.yaw -= right / 150;
-    this.pitch = Math.max(LEAST_PITCH, Math.min(this.pitch + down / 150, MOST_PITCH));
+    this.pitch = Math.max(MIN_PITCH, Math.min(this.pitch + down / 150, MAX_PITCH));
   }
 
   /** Move the picture by px. */

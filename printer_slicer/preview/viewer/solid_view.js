@@ -11,10 +11,10 @@ import { RibbonProgram } from "./ribbon_program.js";
  * @property {boolean} travels
  */
 
-const MOST_COARSE_MOVES = 20_000;
-const LEAST_COARSE_MOVES = 2_000;
+const MAX_COARSE_MOVES = 20_000;
+const MIN_COARSE_MOVES = 2_000;
 const FIRST_SLICE = 30_000; // moves in a frame; grows and shrinks with the time that the last ones took
-const LEAST_SLICE = 2_000;
+const MIN_SLICE = 2_000;
 const REST = 200; // ms without a change before every move is drawn
 const SLOW_FRAME = 60; // ms
 const FAST_FRAME = 20; // ms
@@ -38,7 +38,7 @@ export class SolidView {
     const points = this.program.upload(preview.points);
     this.all = { begin: points, end: points, endOffset: 6, size: this.program.upload(preview.sizes), colour: null };
     this.slice = FIRST_SLICE;
-    this.coarseLimit = MOST_COARSE_MOVES;
+    this.coarseLimit = MAX_COARSE_MOVES;
     this.chooseCoarse();
   }
 
@@ -104,8 +104,8 @@ export class SolidView {
     this.program.draw(coarse, first, last - first, coarse.layers);
     this.tell(last - first, false);
     this.watch((milliseconds) => {
-      if (milliseconds < 4 * SLOW_FRAME || this.coarseLimit <= LEAST_COARSE_MOVES) return;
-      this.coarseLimit = Math.max(LEAST_COARSE_MOVES, this.coarseLimit / 2);
+      if (milliseconds < 4 * SLOW_FRAME || this.coarseLimit <= MIN_COARSE_MOVES) return;
+      this.coarseLimit = Math.max(MIN_COARSE_MOVES, this.coarseLimit / 2);
       this.chooseCoarse();
     });
   }
@@ -141,7 +141,7 @@ export class SolidView {
     const end = Math.min(begin + slice, picture.end);
     this.program.draw(this.all, begin, end - begin, 1);
     this.watch((milliseconds) => {
-      if (milliseconds > SLOW_FRAME) this.slice = Math.max(LEAST_SLICE, slice / 2);
+      if (milliseconds > SLOW_FRAME) this.slice = Math.max(MIN_SLICE, slice / 2);
       if (milliseconds < FAST_FRAME) this.slice = 2 * slice;
       if (end < picture.end) this.continueFull(end);
       else this.finishFull();

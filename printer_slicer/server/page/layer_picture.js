@@ -8,7 +8,7 @@ import { drawLayer } from "./layer_view.js";
 import { endOfLayer } from "./preview.js";
 
 const SHAPE = 0.75; // of the picture: height by width
-const MOST_HEIGHT = 420; // px
+const MAX_HEIGHT = 420; // px
 
 /**
  * Return the picture.
@@ -25,7 +25,7 @@ export function makeLayerPicture() {
     const { preview, bounds } = loaded;
     const first = preview.layers.first[layer];
     const end = Math.round(first + share * (endOfLayer(preview, layer) - first));
-    const height = Math.min(MOST_HEIGHT, Math.round(SHAPE * canvas.clientWidth));
+    const height = Math.min(MAX_HEIGHT, Math.round(SHAPE * canvas.clientWidth));
     const key = [preview.name, preview.moves, layer, end, height, document.documentElement.dataset.scheme].join("\n");
     if (!height || key === drawn) return;
     drawn = key;

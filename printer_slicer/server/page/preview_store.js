@@ -4,8 +4,8 @@
 import { boundsOfPrint, decodePreview } from "./preview.js";
 import { RequestError, request } from "./requests.js";
 
-const MOST_PREVIEWS = 3;
-const MOST_TABLES = 20;
+const MAX_PREVIEWS = 3;
+const MAX_TABLES = 20;
 
 const previews = new Map();
 const tables = new Map();
@@ -18,7 +18,7 @@ const tables = new Map();
  * @throws {RequestError}
  */
 export function loadPreview(file) {
-  return keep(previews, MOST_PREVIEWS, file, () => fetchPreview(file));
+  return keep(previews, MAX_PREVIEWS, file, () => fetchPreview(file));
 }
 
 /**
@@ -29,7 +29,7 @@ export function loadPreview(file) {
  * @throws {RequestError}
  */
 export function loadLayers(file) {
-  return keep(tables, MOST_TABLES, file, () => request("GET", `/v1/files/${file}/layers`));
+  return keep(tables, MAX_TABLES, file, () => request("GET", `/v1/files/${file}/layers`));
 }
 
 /** Return the value of a key; values that cannot be loaded are not kept, nor the oldest ones. */

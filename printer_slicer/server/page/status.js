@@ -5,7 +5,7 @@ import { followFeed } from "./feed.js";
 import { RequestError, request } from "./requests.js";
 import { addTemperatures } from "./temperature_history.js";
 
-const MOST_LINES = 500;
+const MAX_LINES = 500;
 
 /**
  * @typedef {Object} PrintStatus
@@ -103,7 +103,7 @@ function receivePrint({ run, printer, status, console }) {
   const lines = before?.run === run ? before.console : [];
   const last = lines.at(-1)?.[0] ?? 0;
   const all = [...lines, ...console.filter(([number]) => number > last)];
-  known.prints.set(printer, { run, status, console: all.slice(-MOST_LINES) });
+  known.prints.set(printer, { run, status, console: all.slice(-MAX_LINES) });
   addTemperatures(printer, status.temperatures ?? {}, known.lastMessage);
 }
 
