@@ -63,7 +63,6 @@ SELECT_JOB: Final = "SELECT id, name, file, state, printer, material, allow, add
 SELECT_RUN: Final = (
     "SELECT id, job, printer, started, ended, outcome, message, is_cancelling, findings FROM run"
 )
-
 """Statement that reads runs, before its conditions."""
 
 
