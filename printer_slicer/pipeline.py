@@ -43,7 +43,7 @@ from printer_slicer.object_supports import (
 )
 from printer_slicer.objects import cut_objects, make_object_paths, split_objects
 from printer_slicer.ordering import apply_spiral_settings, order
-from printer_slicer.perimeters import lay_changed_walls, lay_walls
+from printer_slicer.perimeters import lay_walls
 from printer_slicer.placing import IN_THE_MIDDLE, Placement, place
 from printer_slicer.profile import Profile, profile_with
 from printer_slicer.profile.planners import UniformPlanner
@@ -60,6 +60,7 @@ from printer_slicer.values import replace
 if TYPE_CHECKING:
     from printer_slicer.feature_layers import FeatureLayers
     from printer_slicer.modifiers import Modifier
+    from printer_slicer.perimeters.known_walls import KnownWalls
 
 __all__ = [
     "overhangs",
@@ -74,7 +75,6 @@ __all__ = [
 
 _MAX_CHANGES: Final = 2  # of layers that break the tolerance
 
-_Divided: TypeAlias = tuple[list[Sections], list[Walls]]
 _Stages: TypeAlias = tuple[Sections, Walls, Regions, list[ObjectOverhangs], Supports | None]
 
 
@@ -275,18 +275,19 @@ def _make_ordered_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     """
     run = partial(_make_paths_in_order, part, profile=profile, report=report, strategies=strategies)
     if not profile.quality.z_contouring or isinstance(profile.quality.planner, UniformPlanner):
-        return run(plan, keep=keep, trial=trial)[0]
+        return run(plan, keep=keep, trial=trial)
+    from printer_slicer.perimeters.known_walls import KnownWalls  # noqa: PLC0415 - off by default
     from printer_slicer.planning.inexact_layers import change_inexact_layers  # noqa: PLC0415 - off by default
 
-    known = None
+    known = KnownWalls()
     for _ in range(_MAX_CHANGES):
-        made, known = run(plan, keep=keep, trial=trial, known=known, is_last=False)
+        made = run(plan, keep=keep, trial=trial, known=known)
         changed = change_inexact_layers(made.stacks, profile)
         if changed is None:
             return made
         plan = list_stack_plans(changed)
         del made  # free memory
-    return run(plan, keep=keep, trial=trial, known=known)[0]
+    return run(plan, keep=keep, trial=trial, known=known)
 
 
 def _make_paths_in_order(  # noqa: PLR0913 - arguments of `slice_planned`
@@ -298,25 +299,19 @@ def _make_paths_in_order(  # noqa: PLR0913 - arguments of `slice_planned`
     *,
     keep: bool,
     trial: bool,
-    known: _Divided | None = None,
-    is_last: bool = True,
-) -> tuple[_OrderedPaths, _Divided | None]:
-    """Make the paths of a plan in printing order; also return sections and walls unless it is the last plan.
-
-    `known` are those of another plan.
-    """
-    made, paths, profiles, known = _make_paths(
+    known: KnownWalls | None = None,
+) -> _OrderedPaths:
+    """Make the paths of a plan in printing order; `known` are the walls of a similar plan."""
+    made, paths, profiles = _make_paths(
         part, plan, profile, report, strategies, keep=keep, trial=trial, known=known
     )
-    if is_last:
-        known = None  # free memory
     report("ordering")
     solid, supports = made[0], made[-1]
     printed = _stand_on_raft(paths, (solid, supports), profile)
     toolpaths, contours = _order(paths, solid, printed, part, profile)
     lift = float(printed.plan.top[-1] - solid.plan.top[-1])
     stacks = _list_printed_stacks(part, solid.plan if isinstance(plan, LayerPlan) else plan, contours, lift)
-    return _OrderedPaths(made, profiles, printed, toolpaths, stacks), known
+    return _OrderedPaths(made, profiles, printed, toolpaths, stacks)
 
 
 def _list_printed_stacks(
@@ -431,17 +426,12 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     *,
     keep: bool,
     trial: bool,
-    known: _Divided | None,
-) -> tuple[_Stages, list[Toolpaths], list[Profile], _Divided]:
-    """Run the stages up to the paths of all objects.
-
-    Also return the profiles to which the paths refer, and sections and walls of all objects. `known` are those of
-    another plan.
-    """
+    known: KnownWalls | None,
+) -> tuple[_Stages, list[Toolpaths], list[Profile]]:
+    """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     features = _list_feature_layers(plan)
     meshes, sections, own = _cut(part, plan, features, profile, report)
     walls, regions = _divide(sections, own, report, known)
-    divided = sections, walls
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(
@@ -468,7 +458,7 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
         found,
         supports,
     )
-    return made, [*paths, *support_paths], profiles, divided
+    return made, [*paths, *support_paths], profiles
 
 
 def _list_feature_layers(plan: Plans) -> list[FeatureLayers]:
@@ -496,24 +486,12 @@ def _cut(
     return meshes, cut_objects(meshes, plans, own), own
 
 
-def _have_same_layers(one: Sections, other: Sections) -> bool:
-    """Return whether two stacks of sections have the same layers."""
-    return np.array_equal(one.plan.top, other.plan.top)
-
-
 def _divide(
-    sections: list[Sections], own: list[Profile], report: Report, known: _Divided | None = None
+    sections: list[Sections], own: list[Profile], report: Report, known: KnownWalls | None = None
 ) -> tuple[list[Walls], list[Regions]]:
-    """Return the walls and the regions of each object.
-
-    Where the sections are `known` ones with the same layers, the known walls are used.
-    """
+    """Return the walls and the regions of each object."""
     report("perimeters")
-    if known is None or not all(map(_have_same_layers, sections, known[0])):
-        walls = list(map(lay_walls, sections, own))
-    else:
-        solids = [one.solid for one in known[0]]
-        walls = list(map(lay_changed_walls, sections, own, solids, known[1]))
+    walls = known.lay(sections, own) if known else list(map(lay_walls, sections, own))
     report("regions")
     return walls, list(map(classify, sections, walls, own))
 

@@ -16,9 +16,8 @@ from printer_slicer.model import Sections, Toolpaths, Walls
 from printer_slicer.perimeters.perimeter_widths import widen_perimeters
 from printer_slicer.perimeters.wall_loops import FillResult, fill_narrow, fill_pieces, make_loops
 from printer_slicer.profile import Profile
-from printer_slicer.values import replace
 
-__all__ = ["FillResult", "fill_narrow", "fill_pieces", "lay_changed_walls", "lay_walls"]
+__all__ = ["FillResult", "fill_narrow", "fill_pieces", "lay_layers", "lay_walls"]
 
 _MAX_OVERHANG_BEADS = 3  # extra perimeters side by side; wider overhangs are bridged
 
@@ -31,28 +30,11 @@ def lay_walls(sections: Sections, profile: Profile) -> Walls:
     `quality.single_top_perimeter`, exposed top areas have only the external perimeter. With `quality.extra_perimeters`,
     the edges of overhangs get more perimeters.
     """
-    return Walls.joined(_make_layers(sections, profile, np.ones(sections.plan.n_layers, np.bool_)))
+    return Walls.joined(lay_layers(sections, profile, np.ones(sections.plan.n_layers, np.bool_)))
 
 
-def lay_changed_walls(sections: Sections, profile: Profile, solid: Areas, walls: Walls) -> Walls:
-    """Do the same if the walls of other sections with the same layers are known, and most layers are equal.
-
-    Args:
-        sections: whose walls are asked for.
-        profile: as of the known walls.
-        solid: the other sections.
-        walls: their walls.
-    """
-    changed = sections.solid.find_changed_layers(solid)
-    # Perimeters also depend on the layers above and below.
-    changed[1:] |= changed[:-1].copy()
-    changed[:-1] |= changed[1:].copy()
-    known = replace(walls, plan=sections.plan, paths=walls.paths.on_plan(sections.plan)).of_layers(~changed)
-    return Walls.joined([*_make_layers(sections, profile, changed), known])
-
-
-def _make_layers(sections: Sections, profile: Profile, layers: Bool) -> list[Walls]:
-    """Make the perimeters of the layers of a mask (L,), in parts with the same settings."""
+def lay_layers(sections: Sections, profile: Profile, layers: Bool) -> list[Walls]:
+    """Make the perimeters of the layers of a mask (L,) like `lay_walls`, in parts with the same settings."""
     layered = resolve_layer_settings(profile, sections.plan)
     return [_make_walls(sections, here & layers, own) for own, here in layered.each()]
 
