@@ -414,7 +414,12 @@ def test_deviations_of_printed_extrusions_are_those_of_half_a_width() -> None:
     assert contours.place[sloped, 2] == pytest.approx(wedge_height(x, 15.0), abs=1e-6)
 
 
-@pytest.mark.parametrize("mesh", [wedge(20.0), dome(), joined([wedge(12.0), pyramid(6.0, 5.0)])])
+def slope_and_pyramid() -> Mesh:
+    """Extrusions cannot follow the slope as closely as planned where the pyramid rises from it."""
+    return joined([wedge(12.0), pyramid(6.0, 5.0)])
+
+
+@pytest.mark.parametrize("mesh", [wedge(20.0), dome(), slope_and_pyramid()])
 def test_printed_extrusions_keep_the_tolerance(mesh: Mesh) -> None:
     stages = sliced(mesh, planner__kind="optimal", tolerance=0.1)
 
@@ -422,7 +427,7 @@ def test_printed_extrusions_keep_the_tolerance(mesh: Mesh) -> None:
 
 
 def test_layers_that_break_the_tolerance_are_levelled() -> None:
-    stages = sliced(dome(), planner__kind="optimal", tolerance=0.05)
+    stages = sliced(slope_and_pyramid(), planner__kind="optimal", tolerance=0.08)
     rule = stages.stacks[0].plan.contour_rule
 
     assert rule is not None
@@ -435,11 +440,11 @@ def test_layers_that_break_the_tolerance_are_levelled() -> None:
 @pytest.mark.parametrize("changes", [{}, {"single_top_perimeter": True, "extra_perimeters": True}])
 def test_the_plan_with_level_layers_gives_the_same_print_again(changes: dict[str, object]) -> None:
     """Only the perimeters of level layers and their neighbours are made again."""
-    wanted = contoured(planner__kind="optimal", tolerance=0.05, **changes)
-    stages = slice_stages(dome(), wanted)
+    mesh, wanted = slope_and_pyramid(), contoured(planner__kind="optimal", tolerance=0.08, **changes)
+    stages = slice_stages(mesh, wanted)
     plan = stages.stacks[0].plan
 
-    again = slice_stages(dome(), wanted, plan=plan)
+    again = slice_stages(mesh, wanted, plan=plan)
 
     assert plan.contour_rule
     assert plan.contour_rule.level_tops

@@ -147,8 +147,10 @@ def _move(distances: Mapping[str, float], speed: float, *, is_absolute: bool = F
         is_absolute: whether the distances are positions.
     """
     words = " ".join(f"{axis}{format_number(distance)}" for axis, distance in distances.items())
-    modes = ("M83", "M82") if "E" in distances else ("G90", "G90") if is_absolute else ("G91", "G90")
-    return [f"say {modes[0]}", f"say G1 {words} F{60 * speed:.0f}", f"say {modes[1]}"]
+    move = f"say G1 {words} F{60 * speed:.0f}"
+    if "E" in distances:
+        return ["say M83", move, "say M82"]
+    return ["say G90", move] if is_absolute else ["say G91", move, "say G90"]
 
 
 def _read_number(body: Mapping[str, Any], name: str) -> float:

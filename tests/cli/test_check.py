@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import printer_slicer as ps
-from printer_slicer.cli.inputs import MODELS
 from printer_slicer.diagnostics import Diagnostic
 from printer_slicer.drawing import draw_coverage
 from printer_slicer.drawing.canvas import Box, Line, Text, estimate_text_width
+from printer_slicer.input_files import MODEL_SUFFIXES
 from printer_slicer.inspection.coverage.limits import CoverageLimits, find_nearest_to_limit
 from printer_slicer.mesh_io import export_stl
 from tests.cli.command_line import BOX, QUICK, is_message, typed
@@ -231,7 +231,7 @@ def test_what_is_no_gcode_is_refused(name: str, more: list[object], tmp_path: Pa
     outcome = typed("check", name, *more, cwd=tmp_path)
 
     assert (outcome.code, outcome.out) == (2, "")
-    reason = "but a model" if Path(name).suffix in MODELS else "such as"
+    reason = "but a model" if Path(name).suffix in MODEL_SUFFIXES else "such as"
     assert is_message(outcome, f"{name}: not a G-code file", reason, "printer-slicer slice")
 
 
