@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int, reorder_points
+from printer_slicer.arrays import Float, Int, distinct, reorder_points
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import (
     Areas,
@@ -16,6 +16,7 @@ from printer_slicer.geometry import (
     simplify,
     union,
 )
+from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.connectivity import find_cycles
 from printer_slicer.geometry.contour_closing import Chords, LooseEnds, close_with_chords, join_near_ends
 from printer_slicer.geometry.facet_topology import find_edge_faults, label_bodies
@@ -52,6 +53,7 @@ _FINE = 0.002  # mm; contained contours are simplified by this tolerance and the
 _CRACK = 1.0  # mm; loose ends up to this distance are a crack; beyond it, surface is missing
 _MAX_GUESSED = 1 / 3  # maximum fraction of a contour that may be guessed
 _WORTH_SAYING = 0.01  # mm²
+_SHORTEST_SLIT = 0.5  # mm, both sides together
 _BLOCKER_MARGIN = 0.01  # mm; blockers are grown by this, so that no slivers remain at their sides
 _PAINT_MARGIN = 0.1  # mm; painted facets are grown by this
 _MEND = "Close the mesh in your CAD program: look for missing or flipped faces there"
@@ -72,7 +74,11 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: ReachedAreas | 
     """
     exact = plan.containment != "mid"
     rings = _cut_rings(mesh, plan, None if exact else resolution)
-    solid = _compute_contained_areas(mesh, plan, rings.areas) if exact else normalize(rings.areas)
+    solid = (
+        _compute_contained_areas(mesh, plan, rings.areas)
+        if exact
+        else _close_slits(rings.areas, normalize(rings.areas), 2 * resolution + _ROUNDING)
+    )
     if solid.n_rings == 0:
         raise PartError(
             f"{mesh.name}: no layer contains any material",
@@ -84,6 +90,32 @@ def cut(mesh: Mesh, plan: LayerPlan, resolution: float, reached: ReachedAreas | 
     if mesh.volumes and mesh.volumes.negative:
         solid = _subtract_negative(mesh, mesh.volumes.negative, plan, solid)
     return Sections(plan, solid, rings.unpaired, rings.gaps, inverted)
+
+
+def _close_slits(rings: Areas, solid: Areas, width: float) -> Areas:
+    """Close the slits between bodies that touch, whose contours were moved apart by rounding and simplification.
+
+    Args:
+        rings: contours of all bodies.
+        solid: their union.
+        width: mm; slits up to this width are closed.
+    """
+    layers = _find_layers_with_neighbours(rings.select(rings.ring_area() > 0), width)
+    if not len(layers):
+        return solid
+    some = solid.of_layers(layers)
+    closed = offset(offset(some, width / 2), -width / 2)
+    has_slit = some.length() - closed.length() > _SHORTEST_SLIT
+    return Areas.merged([solid.of_layers(~has_slit), closed.of_layers(has_slit)]) if has_slit.any() else solid
+
+
+def _find_layers_with_neighbours(outer: Areas, width: float) -> Int:
+    """Return the layers in which sides of different rings are not farther apart than a width, mm, or nearly so."""
+    one, _ = Boxes.of_rings(outer).expand(width / 2).find_neighbours()
+    outer = outer.of_layers(distinct(outer.ring_layer[one]))
+    one, other = Boxes.of_sides(outer).expand(width / 2).find_neighbours()
+    differ = outer.point_ring[one] != outer.point_ring[other]
+    return distinct(outer.point_layer[one[differ]])
 
 
 def _subtract_negative(mesh: Mesh, negative: Mesh, plan: LayerPlan, solid: Areas) -> Areas:

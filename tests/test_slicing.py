@@ -15,6 +15,7 @@ from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry.engine import ENGINES, using_engine
 from printer_slicer.geometry.plane_sections import section_areas
 from printer_slicer.model import LayerPlan, Mesh, Sections
+from printer_slicer.placing import transform
 from printer_slicer.slicing import contours, cut, find_gaps
 from tests.parts import (
     box,
@@ -293,6 +294,33 @@ def test_shells_count_once_where_they_meet(
     assert section.open_edges == 0
     if n_rings is not None:
         assert section.solid.n_rings == 2 * n_rings
+
+
+def stem_and_slab(gap: float = 0.0) -> Mesh:
+    """A slab on a thinner stem, `gap` apart: two bodies."""
+    return joined([box((6.0, 6.0, 10.0), (7.0, 2.0, 0.0)), box((20.0, 10.0, 4.0), (0.0, 0.0, 10.0 + gap))])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_touching_bodies_have_no_slits_between_them_in_any_turn(seed: int) -> None:
+    angles = np.random.default_rng(seed).uniform(-180, 180, 3)
+    turned = transform(stem_and_slab(), rotate=(angles[0], angles[1], angles[2]))
+    stored = turned.triangles.astype(np.float32).astype(np.float64)  # as in an STL file
+    mesh = Mesh(stored - (0.0, 0.0, turned.bounds[0, 2]), "turned")
+
+    solid = cut(mesh, even(mesh, 60), 0.0125).solid
+
+    for layer in range(solid.n_layers):
+        found = shape(solid, layer)
+        closed = found.buffer(0.02, join_style="mitre").buffer(-0.02, join_style="mitre")
+        assert found.length <= closed.length + 0.5
+
+
+def test_bodies_that_do_not_touch_stay_apart() -> None:
+    mesh = transform(stem_and_slab(0.05), rotate=(90.0, 0.0, 0.0))
+    solid = cut(mesh, even(mesh, 20), 0.0125).solid
+
+    assert np.bincount(solid.ring_layer).max() == 2
 
 
 def test_a_shell_turned_inside_out_within_another_is_a_hole() -> None:
