@@ -10,6 +10,7 @@ from printer_slicer.arrays import Float, Int, distinct, reorder_points
 from printer_slicer.errors import MeshError, PartError
 from printer_slicer.geometry import (
     Areas,
+    close_gaps,
     difference,
     normalize,
     offset,
@@ -104,7 +105,7 @@ def _close_slits(rings: Areas, solid: Areas, width: float) -> Areas:
     if not len(layers):
         return solid
     some = solid.of_layers(layers)
-    closed = offset(offset(some, width / 2), -width / 2)
+    closed = close_gaps(some, width / 2)
     has_slit = some.length() - closed.length() > _SHORTEST_SLIT
     return Areas.merged([solid.of_layers(~has_slit), closed.of_layers(has_slit)]) if has_slit.any() else solid
 
