@@ -57,12 +57,8 @@ class LocalTops(Struct, frozen=True, eq=False):
         begin, end = (xyz[point] for point in paths.ends_of_beads)
         path = paths.path_of_bead
         of_part = roles_with(is_part=True)[paths.role[path]]
-        owner = paths.path_of_point
-        lowered, is_scarf = np.zeros((2, paths.n_paths), np.bool_)
-        lowered[owner[paths.z_offset < -_LEVEL]] = True
-        is_scarf[owner[(paths.z_offset == 0) & (paths.flow_ratio < 1)]] = True
         used = np.zeros(paths.plan.n_layers, np.bool_)
-        used[paths.layer[lowered & ~is_scarf & roles_with(is_part=True)[paths.role]]] = True
+        used[paths.layer[paths.find_lowered(_LEVEL) & roles_with(is_part=True)[paths.role]]] = True
         some = np.flatnonzero(of_part & used[paths.layer[path]])
         return cls(begin[some], end[some], paths.layer[path[some]])
 

@@ -83,17 +83,8 @@ def list_moves(paths: Toolpaths, travels: Travels, profile: Profile) -> MoveRows
 
 
 def find_lowered_paths(paths: Toolpaths, profile: Profile) -> Bool:
-    """Return a mask (M,) of the paths that follow a surface: lower than their top somewhere, else with full flow.
-
-    Scarf seams also are lower than their top, but the rest of their flow comes at the top.
-    """
-    result = np.zeros(paths.n_paths, np.bool_)
-    if not profile.quality.z_contouring:
-        return result
-    owner = paths.path_of_point
-    result[owner[paths.z_offset < 0]] = True
-    result[owner[(paths.z_offset == 0) & (paths.flow_ratio < 1)]] = False
-    return result
+    """Return a mask (M,) of the paths that follow a surface; none without `quality.z_contouring`."""
+    return paths.find_lowered() if profile.quality.z_contouring else np.zeros(paths.n_paths, np.bool_)
 
 
 def _list_pulls(path: Int, kind: SmallInt, wipes: Wipes, profile: Profile) -> tuple[Int, Float]:

@@ -329,6 +329,17 @@ class Toolpaths(SvgRepr, Struct, frozen=True, eq=False):
         """Index (B,) of the path of each line segment."""
         return np.repeat(np.arange(self.n_paths), self.beads_of_each)
 
+    def find_lowered(self, depth: float = 0.0) -> Bool:
+        """Return a mask (M,) of the paths that are more than `depth` mm below their top somewhere, else with full flow.
+
+        Scarf seams also are lower than their top, but the rest of their flow comes at the top.
+        """
+        result = np.zeros(self.n_paths, np.bool_)
+        owner = self.path_of_point
+        result[owner[self.z_offset < -depth]] = True
+        result[owner[(self.z_offset == 0) & (self.flow_ratio < 1)]] = False
+        return result
+
     @property
     def ends_of_beads(self) -> tuple[Int, Int]:
         """Indices of the start points (B,) and end points (B,) of all line segments."""
