@@ -357,7 +357,7 @@ def _order(
     bins = FacetBins.from_tops(tops)
     is_contoured = find_contoured_paths(paths[0], bins)
     toolpaths = contour(order(paths.pop(), printed, profile, is_contoured), bins, printed, rule)
-    return toolpaths, measure_deviations(toolpaths, bins, printed, rule)
+    return toolpaths, measure_deviations(toolpaths, bins, printed, rule, part)
 
 
 def _slice_one_by_one(part: Mesh, plan: Plans, profile: Profile, run: Callable[..., Stages]) -> Stages:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from printer_slicer import bead
+from benchmarks.contour_bounds import sample_part
+from printer_slicer import bead, geometry
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.contouring import FacetBins, find_tops, make_contour_rule
 from printer_slicer.contouring.fine_points import FinePoints
@@ -26,7 +27,7 @@ from printer_slicer.contouring.z_profiles import (
 from printer_slicer.extrusion import move_seconds
 from printer_slicer.facts.findings import list_slicing_warnings
 from printer_slicer.gcode_text import gcode_of
-from printer_slicer.geometry import difference
+from printer_slicer.geometry import contain_points, difference
 from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
@@ -315,6 +316,29 @@ def test_points_that_are_left_out_lie_near_the_lines_that_remain(z: Float, close
     known, at = np.append(z, z[0]), np.arange(n + 1)
     some = np.flatnonzero(np.append(kept, True)) if closed else np.flatnonzero(kept)
     assert np.abs(np.interp(at[:n], at[some], known[some]) - z).max() <= 0.01 + 1e-9
+
+
+@pytest.mark.parametrize("degrees", [3.0, 5.0, 10.0])
+def test_extrusions_under_the_next_layer_are_level(degrees: float) -> None:
+    stages = sliced(wedge(degrees))
+    paths, solid = stages.toolpaths, stages.sections.solid
+    fine = FinePoints.of(paths, 0.1)
+    layer = paths.layer[fine.owner]
+    z = paths.z_offset
+    offset = z[fine.corner] + fine.share * (z[paths.following[fine.corner]] - z[fine.corner])
+    some = np.flatnonzero(layer + 1 < stages.sections.plan.n_layers)
+    some = some[np.argsort(layer[some], kind="stable")]
+    inner = geometry.offset(solid, -0.3)  # farther from the border than the points at which z is found
+    covered = some[contain_points(inner, fine.xy[some], layer[some] + 1)]
+
+    assert len(covered) > 1000
+    assert (offset[covered] == 0).all()
+
+
+@pytest.mark.parametrize("degrees", [8.0, 12.0])
+def test_no_sampled_point_is_beyond_the_certificate_of_the_print(degrees: float) -> None:
+    part = joined([dome(), wedge(degrees)])  # in whose valley extrusions reach under the cap
+    assert sample_part(part, "adaptive", 40_000, np.random.default_rng(1)) == 0
 
 
 @pytest.mark.parametrize("closed", [True, False])

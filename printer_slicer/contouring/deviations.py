@@ -2,86 +2,224 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Float, Int
+from printer_slicer.arrays import Bool, Float, Int, previous_in_ring, unique_inverse
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.paths import find_paths_near
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
-from printer_slicer.geometry.vectors import measure_distances_from_triangles
-from printer_slicer.model import ContourDeviations, ContourRule, Sections, Toolpaths
+from printer_slicer.geometry.boxes import Boxes
+from printer_slicer.geometry.facet_topology import expand_counts
+from printer_slicer.geometry.vectors import cross, dot, measure_distances_from_triangles, norm
+from printer_slicer.model import ContourDeviations, ContourRule, Mesh, Sections, Toolpaths
 from printer_slicer.roles import roles_with
+from printer_slicer.values import Struct, replace
 
 __all__ = ["measure_deviations"]
 
 _SPACING: Final = 0.2  # mm along extrusions
+_MIN_GAP: Final = 1e-6  # mm below the layer above
+_MIN_TURN: Final = 0.05  # radians, of a corner around which places are measured
+_FARTHEST: Final = (
+    0.25  # mm from a followed surface to the side of an extrusion that is still lowered, at most
+)
+_NO_LENGTH: Final = 1e-12  # mm
+_FAN: Final = 0.3  # radians between two of them
+
+
+class _Errors(Struct, frozen=True, eq=False):
+    """Upright lines between the top of an extrusion and the surface, or the bottom of the next layer.
+
+    Attributes:
+        low: (n, 3) mm, one end.
+        high: (n, 3) mm, the other one.
+        layer: (n,) layer of each.
+        deviation: (n,) mm, an upper bound of the distance of their points from the surface; infinite if unknown.
+    """
+
+    low: Float
+    high: Float
+    layer: Int
+    deviation: Float
+
+    def take(self, some: Int | Bool) -> _Errors:
+        """Return some of the lines."""
+        return _Errors(self.low[some], self.high[some], self.layer[some], self.deviation[some])
+
+    @classmethod
+    def joined(cls, parts: Sequence[_Errors]) -> _Errors:
+        """Return the lines of all parts."""
+        low, high, layer, deviation = (
+            np.concatenate([getattr(one, name) for one in parts])
+            for name in ("low", "high", "layer", "deviation")
+        )
+        return cls(low, high, layer, deviation)
+
+    def refine(self, triangles: Float, reach: float) -> _Errors:
+        """Return the same lines, compared with all triangles (F, 3, 3) that are within `reach` mm of them.
+
+        A triangle is convex, so all points of a line are at most as far from it as the farther end of the line.
+        """
+        near = np.minimum(self.deviation, reach)
+        line, facet = self._find_near_triangles(triangles, near)
+        low, high = (
+            measure_distances_from_triangles(end[line], triangles[facet]) for end in (self.low, self.high)
+        )
+        deviation = self.deviation.copy()
+        np.minimum.at(deviation, line, np.maximum(low, high))
+        return replace(self, deviation=deviation)
+
+    def _find_near_triangles(self, triangles: Float, reach: Float) -> tuple[Int, Int]:
+        """Return pairs of lines and triangles (F, 3, 3) whose boxes are at most `reach` (n,) mm apart."""
+        bottom = np.minimum(self.low[:, 2], self.high[:, 2]) - reach
+        top = np.maximum(self.low[:, 2], self.high[:, 2]) + reach
+        used, layer = unique_inverse(self.layer)
+        ranges = np.full(len(used), np.inf), np.full(len(used), -np.inf)
+        np.minimum.at(ranges[0], layer, bottom)
+        np.maximum.at(ranges[1], layer, top)
+        low, high = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
+        first = np.searchsorted(np.maximum.accumulate(ranges[1]), low)
+        last = np.searchsorted(np.minimum.accumulate(ranges[0][::-1])[::-1], high, side="right")
+        facet, place = expand_counts(np.maximum(last - first, 0))
+        flat = triangles[facet, :, :2]
+        boxes = Boxes(flat.min(axis=1), flat.max(axis=1), first[facet] + place)
+        line, found = Boxes(self.low[:, :2], self.low[:, :2], layer).expand(reach).find_overlapping(boxes)
+        facet = facet[found]
+        is_near = (low[facet] <= top[line]) & (high[facet] >= bottom[line])
+        return line[is_near], facet[is_near]
+
+    def store(self, found: ContourDeviations) -> None:
+        """Store the largest deviation of each layer."""
+        np.maximum.at(found.deviation, self.layer, self.deviation)
+        worst = np.flatnonzero(self.deviation == found.deviation[self.layer])
+        found.place[self.layer[worst]] = self.high[worst]
 
 
 def measure_deviations(
-    paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule
+    paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule, part: Mesh
 ) -> ContourDeviations:
-    """Measure the distance of the tops of extrusions from the surfaces that the rule follows.
+    """Measure the distance of the tops of extrusions from the surface of the part where it is followed.
 
     It is the distance from the facet straight below or above, so nothing between the two is farther from the surface.
-    It is measured every 0.2 mm along the centre and both sides of all extrusions of the part: lowered ones, and those
-    that had to stay level. Where the surface is lower than half of `min_height` in the layer, the layer is empty.
+    It is measured every 0.2 mm along the centre and both sides of all extrusions of the part, and around their corners
+    and ends: of lowered ones, and of those that had to stay level. Where the surface is lower than half of
+    `min_height` in the layer, the layer is empty. Where the next layer lies over a lowered extrusion, the gap between
+    them is measured. Gaps, and what is larger than the rule promises, are compared with all facets of the part.
 
     Args:
         paths: in printing order, contoured.
         bins: the surfaces.
         sections: of all printed layers.
         rule: of contouring.
+        part: the mesh.
     """
     plan = paths.plan
     found = ContourDeviations(plan.top, np.zeros(plan.n_layers), np.zeros((plan.n_layers, 3)))
     chosen = np.flatnonzero(bins.tops.is_contoured[paths.layer] & roles_with(is_part=True)[paths.role])
     chosen = np.flatnonzero(find_paths_near(paths, chosen, bins))
+    promised = rule.bound_deviations(rule.find_max_slopes(plan.height))
+    larger = []
     for batch in split_by_length(paths, chosen, _SPACING):
-        _measure_paths(paths.take(batch), bins, sections, rule, found)
+        for errors in _list_errors(paths.take(batch), bins, sections, rule):
+            is_larger = errors.deviation > promised[errors.layer]
+            errors.take(~is_larger).store(found)
+            larger.append(errors.take(is_larger))
+    triangles = part.triangles + np.array([0.0, 0.0, bins.tops.base])
+    _compare_with_facets(_Errors.joined(larger), triangles, rule).store(found)
     return found
 
 
-def _measure_paths(
-    paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule, found: ContourDeviations
-) -> None:
-    """Measure some paths, and store the largest deviation of each layer."""
+def _compare_with_facets(errors: _Errors, triangles: Float, rule: ContourRule) -> _Errors:
+    """Return errors compared with all facets (F, 3, 3) of the part: most are near one, so these are searched first."""
+    farthest = rule.width + _FARTHEST
+    for reach in (rule.width / 4, farthest):
+        left = np.flatnonzero(errors.deviation > reach)
+        if not len(left):
+            return errors
+        deviation = errors.deviation.copy()
+        deviation[left] = errors.take(left).refine(triangles, reach).deviation
+        errors = replace(errors, deviation=deviation)
+    return replace(errors, deviation=np.where(np.isinf(errors.deviation), farthest, errors.deviation))
+
+
+def _list_errors(
+    paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule
+) -> Iterator[_Errors]:
+    """Yield the errors of some paths: at their centre lines, at their borders, and of gaps over these."""
     fine = FinePoints.of(paths, _SPACING)
     layer = paths.layer[fine.owner]
-    near = np.flatnonzero(bins.are_near_followed(fine.xy, layer))
-    following = paths.following[fine.corner]
-    offset = paths.z_offset[fine.corner]
+    offset, following = paths.z_offset[fine.corner], paths.following[fine.corner]
     offset = offset + fine.share * (paths.z_offset[following] - offset)
-    z, side, layer = (paths.z_top[fine.owner] + offset)[near], fine.find_sides(paths)[near], layer[near]
-    plan, tops = sections.plan, bins.tops
-    limits = (
-        plan.bottom + rule.min_height / 2,
-        plan.top,
-        rule.find_max_slopes(plan.height),
-    )
-    for xy in (fine.xy[near] - side, fine.xy[near], fine.xy[near] + side):
-        points = LayerPoints(xy, layer, *(one[layer] for one in limits))
-        facet = bins.find_facets(points)
-        covered = np.flatnonzero(facet >= 0)
-        covered = covered[is_open_above(points.take(covered), sections)]
-        place, facet = np.column_stack([xy[covered], z[covered]]), facet[covered]
-        _store_largest(found, layer[covered], place, bins.measure_heights(place, facet), tops.corners[facet])
+    near = np.flatnonzero(bins.are_near_followed(fine.xy, layer) | (offset < 0))
+    z = paths.z_top[fine.owner] + offset
+    centre = bins.find_facets(_make_points(fine.xy[near], layer[near], sections))
+    for owner, shift in _list_shifts(paths, fine, near):
+        some = near[owner]
+        place = np.column_stack([fine.xy[some] + shift, z[some]])
+        yield from _compare_places(place, layer[some], centre[owner], (bins, sections, rule))
 
 
-def _store_largest(found: ContourDeviations, layer: Int, place: Float, surface: Float, facet: Float) -> None:
-    """Store the largest distances of tops of extrusions from the facets below or above them in each layer.
+def _list_shifts(paths: Toolpaths, fine: FinePoints, some: Int) -> list[tuple[Int, Float]]:
+    """List vectors from the centre line to the border of the extrusion at some (n,) of the fine points.
+
+    They lead nowhere, to both sides, around the outer side of corners, and around the ends of open paths.
+
+    Returns:
+        Pairs of (m,) positions in `some` and (m, 2) vectors, mm.
+    """
+    after = fine.find_sides(paths, 0.5)
+    before = after[previous_in_ring(fine.start)]
+    first, last = fine.start[:-1][~paths.closed], fine.start[1:][~paths.closed] - 1
+    after[last] = -before[last]
+    before[first] = -after[first]
+    before, after = before[some], after[some]
+    before *= np.maximum(norm(after) / np.maximum(norm(before), _NO_LENGTH), 1.0)[:, None]
+    turn = np.arctan2(cross(before, after), dot(before, after))
+    count = np.ceil(np.abs(turn) / _FAN).astype(np.int64)
+    owner, place = expand_counts(np.where(np.abs(turn) > _MIN_TURN, count, 0))
+    step = turn[owner] / count[owner]
+    angle = step * (place + 0.5)
+    # The corners of a polygon around the disc: on a plane, the deviation is largest at one of them.
+    x, y = ((-np.sign(turn[:, None]) * before)[owner] / np.cos(step / 2)[:, None]).T
+    around = np.column_stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y])
+    each = np.arange(len(some))
+    return [(each, np.zeros((len(some), 2))), (each, after), (each, -after), (owner, around)]
+
+
+def _make_points(xy: Float, layer: Int, sections: Sections) -> LayerPoints:
+    """Return points (n, 2) of layers (n,) over which surfaces of all slopes are asked for."""
+    plan = sections.plan
+    return LayerPoints(xy, layer, plan.bottom[layer], plan.top[layer], np.full(len(xy), np.inf))
+
+
+def _compare_places(
+    place: Float, layer: Int, centre: Int, part: tuple[FacetBins, Sections, ContourRule]
+) -> Iterator[_Errors]:
+    """Yield the errors between places on extrusions and the surface, and those of gaps under the next layer.
 
     Args:
-        found: gets them.
-        layer: (n,) of each top.
-        place: (n, 3) of the tops, mm.
-        surface: (n,) z of the facets there, mm.
-        facet: (n, 3, 3) their corners, mm.
+        place: (n, 3) mm, on the tops of extrusions.
+        layer: (n,) their layers.
+        centre: (n,) the facet at the centre line of the extrusion, or -1.
+        part: the surfaces, the sections of all printed layers, and the rule of contouring.
     """
-    larger = np.flatnonzero(np.abs(place[:, 2] - surface) > found.deviation[layer])
-    layer, place, surface = layer[larger], place[larger], surface[larger]
-    deviation = measure_distances_from_triangles(place, facet[larger])
-    np.maximum.at(found.deviation, layer, deviation)
-    worst = np.flatnonzero(deviation == found.deviation[layer])
-    found.place[layer[worst]] = np.column_stack([place[worst, :2], surface[worst]])
+    bins, sections, rule = part
+    points = _make_points(place[:, :2], layer, sections)
+    facet = bins.find_facets(points)
+    # Beside the border of the section, extrusions may be wider than the surface within the layer.
+    is_beside = (facet < 0) & (bins.measure_heights(points.xy, centre) < points.bottom)
+    facet = np.where(is_beside, centre, facet)
+    is_open = is_open_above(points, sections)
+    some = np.flatnonzero(is_open & (facet >= 0))
+    surface = bins.measure_heights(points.xy[some], facet[some])
+    # The section ends where the surface is half of the minimum height above the bottom.
+    beyond = np.maximum(points.bottom[some] + rule.min_height / 2 - surface, 0.0)
+    place_on_section = place[some] - beyond[:, None] * [0.0, 0.0, 1.0]
+    deviation = measure_distances_from_triangles(place_on_section, bins.tops.corners[facet[some]])
+    yield _Errors(place_on_section, np.column_stack([points.xy[some], surface]), layer[some], deviation)
+    gap = np.flatnonzero(~is_open & (place[:, 2] < points.top - _MIN_GAP))
+    under_next = np.column_stack([points.xy[gap], points.top[gap]])
+    yield _Errors(place[gap], under_next, layer[gap], np.full(len(gap), np.inf))

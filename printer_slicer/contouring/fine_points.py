@@ -13,7 +13,7 @@ from printer_slicer.values import Struct
 
 __all__ = ["FinePoints", "split_by_length"]
 
-_SIDE: Final = 0.45  # widths of an extrusion from its centre to its sides, as far as these are looked at
+_SHORTEST: Final = 1e-12  # mm; shorter lines have no direction
 _POINTS_AT_ONCE: Final = 1 << 18  # bounds the memory for points of paths that are not contoured
 
 
@@ -47,11 +47,32 @@ class FinePoints(Struct, frozen=True, eq=False):
         """Path (N,) of each point."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
-    def find_sides(self, paths: Toolpaths) -> Float:
-        """Return the vectors (N, 2) from each point almost to the left side of its extrusion, mm."""
+    def find_sides(self, paths: Toolpaths, share: float) -> Float:
+        """Return the vectors (N, 2) from each point to the left, as long as a share of the width, mm.
+
+        At points that coincide with the next one, and at the ends of open paths, they are those of the nearest line.
+        """
         step = paths.xy.take(paths.following, axis=0) - paths.xy
-        step *= (_SIDE * paths.width / np.maximum(np.hypot(*step.T), 1e-12))[:, None]
+        length = np.hypot(*step.T)
+        line = _find_lines(length, paths.start)
+        step = step[line] * (share * paths.width / np.maximum(length[line], _SHORTEST))[:, None]
         return np.stack([-step[:, 1], step[:, 0]], axis=1).take(self.corner, axis=0)
+
+
+def _find_lines(length: Float, start: Int) -> Int:
+    """Return for each point (N,) the first point from it on whose line is not empty, or else the last one before.
+
+    Args:
+        length: (N,) of the lines that begin at the points, mm.
+        start: (M + 1,) index of the first point of each path.
+    """
+    number = np.arange(len(length))
+    is_real = length > _SHORTEST
+    after = np.minimum.accumulate(np.where(is_real, number, len(length))[::-1])[::-1]
+    before = np.maximum.accumulate(np.where(is_real, number, -1))
+    size = np.diff(start)
+    first, end = np.repeat(start[:-1], size), np.repeat(start[1:], size)
+    return np.where(after < end, after, np.where(before >= first, before, number))
 
 
 def split_by_length(paths: Toolpaths, chosen: Int, spacing: float) -> Iterator[Int]:

@@ -16,10 +16,12 @@ from printer_slicer.contouring.tops import BESIDE_RATIO
 from printer_slicer.contouring.z_profiles import (
     Positions,
     fill_short_dips,
+    find_edges_of_dips,
     find_needed_points,
     limit_changes,
     smooth,
 )
+from printer_slicer.geometry import contain_points
 from printer_slicer.model import ContourRule, Sections, Toolpaths
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.roles import Role
@@ -30,6 +32,7 @@ __all__ = ["contour", "find_contoured_paths", "find_paths_near"]
 _SPACING: Final = 0.25  # mm, maximum distance of the points at which the height of the surface is found
 _COARSE_SPACING: Final = 0.5  # mm, of the points at which surfaces are searched for
 _MIN_DEPTH: Final = 0.01  # mm; paths that are nowhere lower than their layer by this much stay flat
+_SIDE: Final = 0.45  # widths of an extrusion from its centre to its sides, as far as these are looked at
 _ROUNDING: Final = 1e-9  # mm
 _HIGHER: Final = 1e-3  # mm
 _CONTOURED_ROLES: Final = (
@@ -92,7 +95,8 @@ def contour(paths: Toolpaths, bins: FacetBins, sections: Sections, rule: Contour
     is_lowered = np.minimum.reduceat(z, fine.start[:-1]) < -_MIN_DEPTH
     if not is_lowered.any():
         return paths
-    kept = find_needed_points(z, positions, fine.share == 0) & is_lowered[fine.owner]
+    kept = find_needed_points(z, positions, (fine.share == 0) | find_edges_of_dips(z, fine.start))
+    kept &= is_lowered[fine.owner]
     lowered = _replace_points(paths, chosen, fine, kept, z)
     return print_from_low_to_high(start_narrow_loops_low(lowered, rule.nozzle_flat))
 
@@ -126,8 +130,8 @@ def _find_offsets(
     facet = bins.find_facets(points)
     covered = np.flatnonzero(facet >= 0)
     covered = covered[is_open_above(points.take(covered), sections)]
-    sides = fine.find_sides(paths)[covered]
-    covered = covered[_is_clear_beside(points.take(covered), facet[covered], sides, bins, rule)]
+    sides = fine.find_sides(paths, _SIDE)[covered]
+    covered = covered[_is_clear_beside(points.take(covered), facet[covered], sides, part, rule)]
     surface = bins.measure_heights(fine.xy[covered], facet[covered])
     lowest = np.minimum(bottom + rule.min_height, top)[covered]
     z = np.zeros(len(top))
@@ -138,26 +142,30 @@ def _find_offsets(
 
 
 def _is_clear_beside(
-    points: LayerPoints, facet: Int, side: Float, bins: FacetBins, rule: ContourRule
+    points: LayerPoints, facet: Int, side: Float, part: tuple[FacetBins, Sections], rule: ContourRule
 ) -> Bool:
     """Return at which points (N,) the surface goes on to both sides of an extrusion, over its width.
 
     An extrusion is level across its width. So beside a much steeper surface it would leave a hole if it were lower than
-    its layer. Where the surface leaves the layer, there is nothing to be filled.
+    its layer. Where the surface leaves the layer, and outside the part, there is nothing to be filled.
 
     Args:
         points: centres of extrusions.
         facet: (N,) the surface at each of them.
         side: (N, 2) vectors to their left sides, mm.
-        bins: all surfaces.
+        part: all surfaces, and the sections of all printed layers.
         rule: minimum height of extrusions.
     """
+    bins, sections = part
     result = np.ones(len(facet), np.bool_)
     for xy in (points.xy - side, points.xy + side):
         z = bins.measure_heights(xy, facet)
         is_inside = (z > points.bottom + rule.min_height) & (z < points.top - _MIN_DEPTH)
         beside = replace(points, xy=xy, steepest=BESIDE_RATIO * points.steepest)
-        result[is_inside] &= bins.find_facets(beside.take(np.flatnonzero(is_inside))) >= 0
+        some = np.flatnonzero(is_inside)
+        some = some[bins.find_facets(beside.take(some)) < 0]
+        some = some[np.argsort(points.layer[some], kind="stable")]
+        result[some[contain_points(sections.solid, xy[some], points.layer[some])]] = False
     return result
 
 

@@ -14,12 +14,13 @@ __all__ = [
     "Z_TOLERANCE",
     "Positions",
     "fill_short_dips",
+    "find_edges_of_dips",
     "find_needed_points",
     "limit_changes",
     "smooth",
 ]
 
-_SMOOTHED_LENGTH: Final = 0.5  # mm of path over which z is averaged
+_SMOOTHED_LENGTH: Final = 0.25  # mm of path over which z is averaged
 MAX_CHANGE: Final = float(np.tan(np.deg2rad(20.0)))
 """Maximum change of z, mm per mm of path."""
 _SHORTEST: Final = 1e-6  # mm
@@ -150,6 +151,14 @@ def fill_short_dips(z: Float, positions: Positions, shortest: float) -> Float:
     short[0] = False
     short[number[last[low[last] & ~positions.closed]]] = False
     return np.where(short[number], 0.0, z)
+
+
+def find_edges_of_dips(z: Float, start: Int) -> Bool:
+    """Return at which points (N,) of paths z (N,) is 0, and lower at the next or the previous point."""
+    low, previous = z < 0, previous_in_ring(start)
+    beside = low[previous]
+    beside[previous[low]] = True
+    return np.asarray(beside & ~low)
 
 
 def find_needed_points(z: Float, positions: Positions, is_corner: Bool) -> Bool:
