@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.arrays import Bool
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.bridges import bridge_line_gap, count_supported_ends
 from printer_slicer.geometry import (
     Areas,
     Lines,
     Polylines,
+    contain_points,
     depths,
     hatch_evenly,
     normalize,
@@ -31,6 +32,7 @@ _WALLS = 2.5  # extrusion widths beside bridge lines that their outermost ones c
 _SHORT = 1.0  # extrusion widths by which a row may end before the support; its end extends into the wall
 _ALLOWED = 0.01  # mm by which spans may be longer, because areas are rounded
 _BEND = 1.01  # length of a perimeter over the distance of its ends; a longer one turns and hangs
+_FARTHEST = 1.0  # mm by which the part may recede below an end of a line
 _BESIDE = 1.0  # extrusion widths; strips of one slope in neighbouring layers are this close to each other
 
 
@@ -64,7 +66,9 @@ def _cover_bridge_lines(air: Areas, below: Areas, regions: Regions, profile: Pro
     rows, _, gap, grid = hatch_evenly(pieces.areas, angle, usual)
     spans = grid.clip_rows(pieces.select_nearby_rings(air))
     supported = count_supported_ends(spans, grid.clip_rows(pieces.select_nearby_rings(below))) == 2
-    short = spans.length() <= profile.quality.support_max_bridge + _ALLOWED
+    layer = pieces.layer[spans.layer]
+    free = _measure_free_lengths(spans.length(), spans.ends, layer, below)
+    short = free <= profile.quality.support_max_bridge + _ALLOWED
     covered = _are_covered(spans, rows, _SHORT * profile.extrusion_width)
     held = spans.take(np.flatnonzero(supported & short & covered))
     area = unite_row_rectangles(held, held.u, angle=angle, half=gap / 2, n_layers=pieces.count)
@@ -96,13 +100,38 @@ def _cover_perimeters(air: Areas, below: Areas, solid: Areas, profile: Profile) 
     length, ends = runs.length(), np.stack([runs.xy[runs.start[:-1]], runs.xy[runs.start[1:] - 1]])
     way = ends[1] - ends[0]
     chord = np.maximum(np.hypot(*way.T), _ALLOWED)
-    straight = (length <= _BEND * chord) & (length <= profile.quality.support_max_bridge + _ALLOWED)
+    free = _measure_free_lengths(length, np.swapaxes(ends, 0, 1), runs.layer, below)
+    straight = (length <= _BEND * chord) & (free <= profile.quality.support_max_bridge + _ALLOWED)
     beyond = width * way / chord[:, None]
     held = [depths(below, points, runs.layer, width) > 0 for points in (ends[0] - beyond, ends[1] + beyond)]
     held_runs = runs.take(np.flatnonzero(straight & held[0] & held[1]))
     held_runs = held_runs.take(np.flatnonzero(~_follow_slopes(held_runs, air, width)))
     radius = np.full(held_runs.n_lines, (count + 0.5) * width)
     return stroke_lines(held_runs.xy, held_runs.start, held_runs.layer, radius, air.n_layers)
+
+
+def _measure_free_lengths(length: Float, ends: Float, layer: Int, below: Areas) -> Float:
+    """Return how far (n,) the part is apart below lines, mm.
+
+    Sections are cut within each layer. Between the cuts, walls that lean towards each other are farther apart than at
+    the upper one, by up to what they recede to the section before.
+
+    Args:
+        length: (n,) of the lines between the sections below, mm.
+        ends: (n, 2, 2) of the lines, mm.
+        layer: (n,) of the lines.
+        below: section below each layer.
+    """
+    lower = below.shift_layers(1)
+    free = length.copy()
+    for end in (0, 1):
+        away = -depths(lower, ends[:, end], layer, _FARTHEST)
+        far = np.flatnonzero(np.isnan(away) & (layer > 1))
+        far = far[np.argsort(layer[far], kind="stable")]
+        far = far[~contain_points(lower, ends[far, end], layer[far])]
+        free += np.maximum(np.nan_to_num(away), 0.0)
+        free[far] += _FARTHEST
+    return free
 
 
 def _follow_slopes(runs: Polylines, air: Areas, width: float) -> Bool:

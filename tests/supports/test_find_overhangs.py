@@ -154,6 +154,27 @@ def test_a_bridge_needs_nothing_up_to_the_maximum_length(width: float) -> None:
     assert found(gate(4.0, width), support_max_bridge=0).n_patches == 1
 
 
+@pytest.mark.parametrize("width", [1.6, 12.0])
+def test_the_length_of_a_bridge_is_that_below_leaning_ends(width: float) -> None:
+    # The posts lean by 45°, so they are 0.4 mm farther apart at the second cut below the plate than at the first one.
+    assert found(gate_of_leaning_posts(9.3, width)).n_patches == 0
+    assert found(gate_of_leaning_posts(9.6, width)).n_patches == 1
+
+
+def gate_of_leaning_posts(span: float, width: float, height: float = 8.0, lean: float = 0.4) -> Mesh:
+    """Two posts that lean towards each other below the plate across, up to `span`."""
+    heights = [0.0, height - lean, height, height + 1]
+    right = 6 + span
+    left_post = [_rectangle(0.0, 6 + by, width) for by in (-lean, -lean, 0.0, 0.0)]
+    right_post = [_rectangle(right + by, right + 6, width) for by in (lean, lean, 0.0, 0.0)]
+    posts = [Mesh(loft(rings, heights), "post") for rings in (left_post, right_post)]
+    return joined([*posts, box((12 + span, width, 3), (0, 0, height))])
+
+
+def _rectangle(left: float, right: float, width: float) -> Array:
+    return np.array([(left, 0.0), (right, 0.0), (right, width), (left, width)])
+
+
 @settings(max_examples=examples(3))
 @given(st.floats(25, 38), st.integers(0, 2**32 - 1))
 def test_a_slope_between_two_walls_is_found_in_all_layers(angle: float, seed: int) -> None:
