@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Bool, Float
+from printer_slicer.arrays import Bool, Float, Int
 from printer_slicer.geometry import Areas, contain_points, find_enclosing_rings, split_connected, union
 from printer_slicer.model import LayerPlan, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.profile import Profile, Quality
@@ -22,7 +22,7 @@ from printer_slicer.supports.unsupported_beads import (
 )
 from printer_slicer.values import Struct, replace
 
-__all__ = ["StableSupports", "check_stability", "lean_columns"]
+__all__ = ["StableSupports", "check_stability", "drop_areas_without_beads", "lean_columns"]
 
 _ROUNDS: Final = 2  # of upright columns under unsupported beads, and then of leaning ones
 _NEAR_GAP: Final = 0.2  # mm beside layers of the part that end just below or begin just above
@@ -239,11 +239,27 @@ def _drop_empty_areas(supports: Supports, paths: Toolpaths, removed: Float) -> S
     """Return supports without connected areas whose beads were all removed."""
     if not len(removed):
         return supports
-    layers = supports.plan.layers
-    lost = layers.find_tops(removed[:, 2])
+    lost = supports.plan.layers.find_tops(removed[:, 2])
     order = np.argsort(lost, kind="stable")
-    changed = np.zeros(layers.n_layers, np.bool_)
-    changed[lost] = True
+    return _drop_areas(supports, paths, (removed[order, :2], lost[order]))
+
+
+def drop_areas_without_beads(supports: Supports, paths: Toolpaths) -> Supports:
+    """Return supports without connected areas in which no bead lies."""
+    return _drop_areas(supports, paths, None)
+
+
+def _drop_areas(supports: Supports, paths: Toolpaths, removed: tuple[Float, Int] | None) -> Supports:
+    """Return supports without connected areas in which no bead lies, but only those with removed beads if given.
+
+    Args:
+        supports: areas by support layer.
+        paths: the beads.
+        removed: places (n, 2) of beads that were removed, mm, and the layer (n,) of each, ascending.
+    """
+    changed = np.full(supports.plan.layers.n_layers, removed is None)
+    if removed:
+        changed[removed[1]] = True
     rest, at = np.zeros((0, 2)), np.zeros(0, np.int64)
     if changed[paths.layer].any():
         samples = sample_beads(paths, changed)
@@ -251,13 +267,14 @@ def _drop_empty_areas(supports: Supports, paths: Toolpaths, removed: Float) -> S
     kept = {}
     for name in _AREAS:
         areas = getattr(supports, name)
-        pieces = split_connected(areas.of_layers(changed))
+        own = areas.of_layers(changed)
+        pieces = split_connected(own)
         if not pieces.count:
             continue
-        own = areas.of_layers(changed)
         of_ring = np.append(pieces.of_ring, -1)
-        empty = np.zeros(pieces.count + 1, np.bool_)
-        empty[of_ring[find_enclosing_rings(own, removed[order, :2], lost[order])]] = True
+        empty = np.full(pieces.count + 1, removed is None)
+        if removed:
+            empty[of_ring[find_enclosing_rings(own, *removed)]] = True
         empty[of_ring[find_enclosing_rings(own, rest, at)]] = False
         keep = ~changed[areas.ring_layer]
         keep[changed[areas.ring_layer]] = ~empty[pieces.of_ring]

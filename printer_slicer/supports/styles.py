@@ -22,7 +22,13 @@ from printer_slicer.profile import Profile
 from printer_slicer.supports.columns import make_columns
 from printer_slicer.supports.edge_rows import add_edge_rows
 from printer_slicer.supports.patch_groups import PatchGroups, group_patches
-from printer_slicer.supports.stability import StableSupports, check_stability, lean_columns
+from printer_slicer.supports.remaining_overhangs import find_remaining_overhangs
+from printer_slicer.supports.stability import (
+    StableSupports,
+    check_stability,
+    drop_areas_without_beads,
+    lean_columns,
+)
 from printer_slicer.supports.stacking import make_obstacles
 from printer_slicer.supports.support_layers import list_places_without_room
 from printer_slicer.supports.support_paths import make_support_paths
@@ -41,8 +47,16 @@ GroupTimes = Callable[[Toolpaths, Int, int, Profile], Float]
 STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": grow_trees}
 """Function for each style; `auto` uses the cheaper one for each group of overhangs."""
 
+_Case = tuple[Overhangs, SupportPlan, Sections, Profile]
+
+_STYLES_OF_PLACES: Final = ("tree", "columns")  # of supports for places that others leave unsupported
+
 _MIN_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
 _MAX_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
+_LEAST_UNSUPPORTED: Final = 1.0  # mm² without support, for which other supports are tried
+_PLACE_MINUTES: Final = (
+    0.7  # for each mm² of a place that a style leaves unsupported, up to which others are added
+)
 _BARE_MINUTES: Final = 2.0  # that a place without support costs
 _BARE_AREA: Final = 6.0  # mm² of a place without support
 _ISLAND_MINUTES: Final = 100.0  # that an island without support costs
@@ -78,8 +92,53 @@ def make_supports(
     """
     style, case = profile.quality.support, (overhangs, plan, sections, profile)
     if style in STYLES:
-        return _remove_unsupported([_make(style, *case)], *case)
+        return _complete([_make(style, *case)], case, measure_times)
     return _choose_styles(*case, measure_times)
+
+
+def _complete(made: Sequence[PrintedSupports], case: _Case, measure_times: GroupTimes) -> PrintedSupports:
+    """Return all supports that stand, with others for the places that they leave unsupported.
+
+    Branches reach places where no column stands, and columns stand where branches have no way. Places that would cost
+    more than they are worth stay unsupported.
+    """
+    printed = _remove_unsupported(made, *case)
+    for style in _STYLES_OF_PLACES:
+        if _measure_unsupported(printed) < _LEAST_UNSUPPORTED:
+            break
+        own = drop_areas_without_beads(printed.supports, printed.paths)
+        more = _support_places(style, replace(printed, supports=own), case, measure_times)
+        if more is None:
+            continue
+        both = _remove_unsupported([PrintedSupports(own, printed.paths), more], *case)
+        if _measure_unsupported(both) < _measure_unsupported(printed) - _LEAST_UNSUPPORTED / 2:
+            printed = both
+    return printed
+
+
+def _support_places(
+    style: str, printed: PrintedSupports, case: _Case, measure_times: GroupTimes
+) -> PrintedSupports | None:
+    """Return supports of a style, beside others, for places that those leave unsupported; None if none is worth it."""
+    overhangs, plan, sections, profile = case
+    rest = find_remaining_overhangs(overhangs, printed.paths, profile)
+    beside = fill_layers([sections, make_obstacles(printed.supports)])
+    more = _make(style, rest, plan, beside, profile)
+    if not more.paths.n_paths:
+        return None
+    groups = group_patches(rest, more.supports)
+    price = _Prices(groups, profile, measure_times)
+    is_worth = price.of(more) < _rate_places(printed.supports.unsupported, groups)
+    if is_worth.all() or not is_worth.any():
+        return more if is_worth.any() else None
+    return _make(style, rest.take_patches(is_worth[groups.of_patch]), plan, beside, profile)
+
+
+def _rate_places(places: Sequence[UnsupportedPlace], groups: PatchGroups) -> Float:
+    """Return how long (G,) it may take to support the places in each group, min."""
+    at = groups.find(np.array([(place.x, place.y) for place in places]).reshape(-1, 2))
+    worth = [_ISLAND_MINUTES if place.is_island else _PLACE_MINUTES * place.area for place in places]
+    return np.asarray(np.bincount(at, worth, groups.count))
 
 
 def _remove_unsupported(
@@ -169,13 +228,13 @@ def _choose_styles(
         if np.minimum(found, cost).sum() > (1 - _MIN_GAIN) * lowest:
             break
         gets_tree &= found < cost
-    printed = _remove_unsupported(best, *case)
+    printed = _complete(best, case, measure_times)
     lost = price.of_unsupported(printed) > price.of_unsupported(*best)
     if not lost.any():
         return printed
     gets_tree = has_tree ^ lost
     made = _make_both(gets_tree[groups.of_patch], *case) if gets_tree.any() else [columns]
-    other = _remove_unsupported(made, *case)
+    other = _complete(made, case, measure_times)
     return min(printed, other, key=lambda one: float(price.of(one).sum()))
 
 

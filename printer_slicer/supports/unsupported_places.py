@@ -167,11 +167,15 @@ def list_unsupported_places(
 
 
 def find_unsupported_groups(
-    overhangs: Overhangs, paths: Toolpaths, profile: Profile
+    overhangs: Overhangs, paths: Toolpaths, profile: Profile, *, with_islands: bool = False
 ) -> list[UnsupportedPoints]:
-    """Return the points of each place that `list_unsupported_places` lists, except islands; also of small places."""
+    """Return the points of each place that `list_unsupported_places` lists, also of small places; islands if asked."""
     overhangs = leave_out_bed(overhangs, profile)
-    return _split_into_groups(_find_unsupported_points(overhangs, _Beads.of(paths, overhangs, profile)))
+    beads = _Beads.of(paths, overhangs, profile)
+    points = _find_unsupported_points(overhangs, beads)
+    return _split_into_groups(
+        _join(points, _find_unsupported_islands(overhangs, beads)) if with_islands else points
+    )
 
 
 def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:

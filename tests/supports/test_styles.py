@@ -11,13 +11,13 @@ import pytest
 from benchmarks.support_parts import turned
 from printer_slicer.extrusion import extrude, move_seconds
 from printer_slicer.facts.supports import collect_support_facts, format_support_sentences
-from printer_slicer.geometry import intersection, normalize, offset
+from printer_slicer.geometry import difference, intersection, normalize, offset
 from printer_slicer.model import Areas, Mesh, Overhangs, Sections, Supports, Toolpaths
 from printer_slicer.ordering import order
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
-from printer_slicer.supports import added_columns
+from printer_slicer.supports import added_columns, styles
 from printer_slicer.supports.patch_groups import group_patches
 from printer_slicer.supports.styles import STYLES, PrintedSupports, make_supports, measure_path_volume
 from printer_slicer.supports.tree_costs import estimate_least_tree_costs
@@ -76,24 +76,61 @@ def leaning_wall() -> Mesh:
 
 
 def test_groups_whose_columns_do_not_stand_get_trees(monkeypatch: pytest.MonkeyPatch) -> None:
-    overhangs, plan, sections, profile = prepared(leaning_wall())
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
     monkeypatch.setattr(added_columns, "_STEP", 0.0)  # columns cannot lean beside the wall
 
-    def bare_area(style: str) -> float:
-        chosen = replace(profile, quality=replace(profile.quality, support=style))
-        found = make_supports(overhangs, plan, sections, chosen, measure_group_times)
-        return sum(place.area for place in found.supports.unsupported)
+    assert bare_area(leaning_wall(), "columns") > 20
+    assert bare_area(leaning_wall(), "auto") < 3
 
-    assert bare_area("columns") > 20
-    assert bare_area("auto") < 3
+
+def bare_area(mesh: Mesh, style: str) -> float:
+    """The area of all places that get no support."""
+    overhangs, plan, sections, profile = prepared(mesh)
+    chosen = replace(profile, quality=replace(profile.quality, support=style))
+    found = make_supports(overhangs, plan, sections, chosen, measure_group_times)
+    return sum(place.area for place in found.supports.unsupported)
+
+
+def test_trees_support_what_columns_leave_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(added_columns, "_STEP", 0.0)  # columns cannot lean beside the wall
+    overhangs, plan, sections, profile = prepared(leaning_wall())
+
+    made = make_supports(overhangs, plan, sections, profile, measure_group_times)
+
+    assert sum(place.area for place in made.supports.unsupported) < 3
+    assert made.supports.hollow.n_rings
+    assert made.supports.area.area() == pytest.approx(normalize(made.supports.area).area(), abs=1e-3)
+
+
+def test_columns_support_what_trees_leave_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
+    overhangs, plan, sections, profile = prepared(tee(), support="tree")
+    monkeypatch.setitem(STYLES, "tree", grow_one)
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ("columns",))
+
+    supports = make_supports(overhangs, plan, sections, profile, measure_group_times).supports
+
+    assert supports.unsupported == ()
+    assert normalize(difference(supports.base, supports.hollow)).area()[20:100].min() > 0
+
+
+def test_places_that_cost_more_than_they_are_worth_stay_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
+    overhangs, plan, sections, profile = prepared(tee(), support="tree")
+    monkeypatch.setitem(STYLES, "tree", grow_one)
+    dear = replace(profile, quality=replace(profile.quality, support_minutes_per_gram=1000.0))
+
+    made = make_supports(overhangs, plan, sections, dear, measure_group_times)
+
+    assert sum(place.area for place in made.supports.unsupported) > 200
+
+
+def grow_one(given: Overhangs, *rest: Any) -> Supports:
+    """Trees for the first patch only, if there are others."""
+    return grow_trees(given.take_patches(np.arange(given.n_patches) == 0), *rest)
 
 
 def test_groups_that_trees_do_not_reach_get_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     overhangs, plan, sections, profile = prepared(tee(), support="auto")
-
-    def grow_one(given: Overhangs, *rest: Any) -> Supports:
-        return grow_trees(given.take_patches(np.arange(given.n_patches) == 0), *rest)
-
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
     monkeypatch.setitem(STYLES, "tree", grow_one)
 
     found = make_supports(overhangs, plan, sections, profile, measure_group_times).supports

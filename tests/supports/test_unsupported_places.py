@@ -12,6 +12,7 @@ from printer_slicer.model import Mesh, Overhangs, Sections, Supports, Toolpaths,
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile, load_profile
 from printer_slicer.support_times import measure_group_times
+from printer_slicer.supports import styles
 from printer_slicer.supports.styles import PrintedSupports, make_supports
 from printer_slicer.supports.support_layers import plan_support_layers
 from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
@@ -86,7 +87,8 @@ def test_what_is_right_above_the_bed_lies_on_it() -> None:
         assert all(place.z > 0.3 for place in made("sphere", style)[0].unsupported)
 
 
-def test_places_outside_the_bed_say_so() -> None:
+def test_places_outside_the_bed_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())  # branches reach farther
     size = 220.0  # mm, the bed is as large
     wide = joined([box((10, 10, 20), (0, 0, 0)), box((10, size + 20, 2), (0, -size / 2 - 5, 20))])
     bare, overhangs = bare_of(wide)
@@ -96,7 +98,8 @@ def test_places_outside_the_bed_say_so() -> None:
     assert sum(place.area for place in bare) < 0.2 * overhangs.area.area().sum()
 
 
-def test_places_over_the_part_say_so() -> None:
+def test_places_over_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())  # branches reach from the bed over the part
     plates = [box((30, 30, 2), (0, 0, z)) for z in (0, 20)]
     bare, _ = bare_of(joined([*plates, box((4, 30, 21), (0, 0, 1))]), support_on_bed_only=True)
 
