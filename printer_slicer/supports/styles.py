@@ -32,8 +32,6 @@ from printer_slicer.supports.stability import (
 from printer_slicer.supports.stacking import make_obstacles
 from printer_slicer.supports.support_layers import list_places_without_room
 from printer_slicer.supports.support_paths import make_support_paths
-from printer_slicer.supports.tree_costs import estimate_least_tree_costs
-from printer_slicer.supports.trees import grow_trees
 from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
 from printer_slicer.values import Struct, replace
 
@@ -44,7 +42,15 @@ Style = Callable[[Overhangs, SupportPlan, Sections, Profile], Supports]
 GroupTimes = Callable[[Toolpaths, Int, int, Profile], Float]
 """Function that returns the print time of each group (G,), s, from paths (M,), their groups (M,), G and the profile."""
 
-STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": grow_trees}
+
+def _grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
+    """Return trees; see `grow_trees`."""
+    from printer_slicer.supports.trees import grow_trees  # noqa: PLC0415 - columns need none of its modules
+
+    return grow_trees(overhangs, plan, sections, profile)
+
+
+STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": _grow_trees}
 """Function for each style; `auto` uses the cheaper one for each group of overhangs."""
 
 _Case = tuple[Overhangs, SupportPlan, Sections, Profile]
@@ -215,6 +221,8 @@ def _choose_styles(
     groups = group_patches(overhangs, columns.supports)
     price = _Prices(groups, profile, measure_times)
     cost = price.of(columns)
+    from printer_slicer.supports.tree_costs import estimate_least_tree_costs  # noqa: PLC0415
+
     least = estimate_least_tree_costs(columns.supports, columns.paths, groups, profile)
     gets_tree, lowest, best = least < cost, cost.sum(), [columns]
     case, has_tree = (overhangs, plan, sections, profile), np.zeros(groups.count, np.bool_)

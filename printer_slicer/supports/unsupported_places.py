@@ -236,14 +236,17 @@ def _select_beside(points: Float, others: Float) -> Int:
 def _sample_areas(areas: Areas, spacing: float) -> tuple[Float, Int, Float]:
     """Return points (n, 2) in areas, mm, the layer (n,) of each, ascending, and the area (n,) it stands for, mm²."""
     lines = hatch(areas, angle=_DIAGONAL, spacing=spacing)
+    lines = lines.take(np.argsort(lines.layer, kind="stable"))
     way = lines.ends[:, 1] - lines.ends[:, 0]
     length = norm(way)
     count = np.maximum(np.ceil(length / spacing), 1).astype(np.int64)
     line = np.repeat(np.arange(len(count)), count)
-    share = (consecutive(np.zeros(len(count), np.int64), count) + 0.5) / count[line]
-    points = lines.ends[line, 0] + share[:, None] * way[line]
-    order = np.argsort(lines.layer[line], kind="stable")
-    return points[order], lines.layer[line][order], (length / count * spacing)[line][order]
+    step = consecutive(np.zeros(len(count), np.int64), count) + 0.5
+    share = step / count.take(line)
+    points = way.take(line, axis=0)
+    points *= share[:, None]
+    points += lines.ends[:, 0].take(line, axis=0)
+    return points, lines.layer.take(line), (length / count * spacing).take(line)
 
 
 def _find_candidates(beads: _Beads, points: Float, layer: Int) -> Bool:
