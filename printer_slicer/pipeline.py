@@ -431,7 +431,14 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
     features = _list_feature_layers(plan)
     meshes, sections, own = _cut(part, plan, features, profile, report)
-    walls, regions = _divide(sections, own, report, known)
+    report("perimeters")
+    walls = known.lay(sections, own) if known else list(map(lay_walls, sections, own))
+    if known and len(sections) == 1:
+        from printer_slicer.inexact_walls import change_inexact_walls  # noqa: PLC0415 - off by default
+
+        sections[0], walls[0] = change_inexact_walls(meshes[0], sections[0], walls[0], own[0], known)
+    report("regions")
+    regions = list(map(classify, sections, walls, own))
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(
@@ -484,16 +491,6 @@ def _cut(
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     return meshes, cut_objects(meshes, plans, own), own
-
-
-def _divide(
-    sections: list[Sections], own: list[Profile], report: Report, known: KnownWalls | None = None
-) -> tuple[list[Walls], list[Regions]]:
-    """Return the walls and the regions of each object."""
-    report("perimeters")
-    walls = known.lay(sections, own) if known else list(map(lay_walls, sections, own))
-    report("regions")
-    return walls, list(map(classify, sections, walls, own))
 
 
 def _cut_modifiers(
@@ -558,7 +555,7 @@ def overhangs(
     if profile.quality.support == "off":  # volumes count only if there are supports
         profile = profile_with(profile, {"quality.support": "columns"})
     meshes, sections, own = _cut(part, plan, [], apply_spiral_settings(profile), quiet)
-    _, regions = _divide(sections, own, quiet)
+    regions = [classify(one, lay_walls(one, mine), mine) for one, mine in zip(sections, own, strict=True)]
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     found = find_object_overhangs(meshes, sections, regions, own, modifiers, always_steer=True)
     return Overhangs.joined([one.overhangs for one in found])

@@ -1,0 +1,77 @@
+"""Find layers whose contoured perimeters break the tolerance before they are filled, and make them again.
+
+Where a followed surface is beside a steep one or ends, an extrusion may have to stay higher than the surface. The
+perimeters show nearly all of these places. Layers that the rest of the print shows to break the tolerance are changed
+after that, see `pipeline`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from printer_slicer.contouring import FacetBins, contour, find_tops, measure_deviations
+from printer_slicer.model import ContourDeviations, LayerPlan, Mesh, ObjectStack, Sections, Walls
+from printer_slicer.objects import cut_objects
+from printer_slicer.ordering.loops import close_loops
+from printer_slicer.perimeters.known_walls import KnownWalls
+from printer_slicer.planning.inexact_layers import change_inexact_layers
+from printer_slicer.profile import Profile
+from printer_slicer.values import replace
+
+__all__ = ["change_inexact_walls"]
+
+
+def change_inexact_walls(
+    part: Mesh, sections: Sections, walls: Walls, profile: Profile, known: KnownWalls
+) -> tuple[Sections, Walls]:
+    """Return sections and perimeters of a part in which no contoured perimeter breaks the tolerance.
+
+    Layers get level tops or are divided as in `change_inexact_layers`. Only what this changes is made again.
+
+    Args:
+        part: its surface, placed.
+        sections: of the part.
+        walls: their perimeters.
+        profile: of the part; gives the tolerance.
+        known: the same perimeters; gets the new ones.
+    """
+    measured = _measure_walls(part, sections, walls)
+    if measured is None:
+        return sections, walls
+    stack = ObjectStack(sections.plan, part, (0,), contours=measured)
+    changed = change_inexact_layers([stack], profile)
+    if changed is None:
+        return sections, walls
+    sections = _cut_changed(part, sections, changed[0].plan, profile)
+    (walls,) = known.lay([sections], [profile])
+    return sections, walls
+
+
+def _measure_walls(part: Mesh, sections: Sections, walls: Walls) -> ContourDeviations | None:
+    """Return how far contoured perimeters are from the surfaces that they follow; None if they follow none."""
+    plan, rule = sections.plan, sections.plan.contour_rule
+    tops = find_tops(part, plan, rule) if rule else None
+    if rule is None or tops is None:
+        return None
+    bins = FacetBins.from_tops(tops)
+    paths = walls.paths.take(np.flatnonzero(tops.is_contoured[walls.paths.layer]))
+    return measure_deviations(contour(close_loops(paths), bins, sections, rule), bins, sections, rule)
+
+
+def _cut_changed(part: Mesh, sections: Sections, plan: LayerPlan, profile: Profile) -> Sections:
+    """Return the sections of a changed plan from those of the plan before.
+
+    If it has the same layers, those whose tops have become level are cut again.
+    """
+    before = sections.plan
+    if plan.n_layers != before.n_layers or before.contour_rule is None or plan.contour_rule is None:
+        return cut_objects([part], [plan], [profile])[0]
+    is_level = before.contour_rule.find_contoured(before.top) & ~plan.contour_rule.find_contoured(plan.top)
+    # The first layer decides how far the inset of the elephant foot reaches.
+    layers = np.flatnonzero(is_level | (np.arange(plan.n_layers) == 0))
+    made = cut_objects([part], [plan.take(layers)], [profile])[0]
+    solid = made.solid.on_layers(layers, plan.n_layers).of_layers(is_level)
+    below = sections.below_cut.of_layers(~is_level) if sections.below_cut else None
+    return replace(
+        sections, plan=plan, solid=sections.solid.of_layers(~is_level).merge(solid), below_cut=below
+    )
