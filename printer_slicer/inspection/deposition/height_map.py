@@ -67,6 +67,11 @@ class MovePieces(Struct, frozen=True, eq=False):
         columns = (column.take(indices) for column in (self.x, self.y, self.z, self.length))
         return MovePieces(self.move.take(indices), *columns)
 
+    def select_range(self, first: int, last: int, move: int) -> MovePieces:
+        """Return the pieces from index `first` up to `last`, exclusive, with moves counted from `move`."""
+        x, y, z, length = (column[first:last] for column in (self.x, self.y, self.z, self.length))
+        return MovePieces(self.move[first:last] - move, x, y, z, length)
+
     def shift(self, offsets: Float) -> MovePieces:
         """Return the pieces, shifted in x and y by the offsets (n, 2), mm, of their moves."""
         x, y = (offsets[:, axis].take(self.move) for axis in (0, 1))
@@ -369,7 +374,16 @@ class LevelMoves(Struct, frozen=True, eq=False):
 
     def select_range(self, first: int, last: int) -> LevelMoves:
         """Return the moves from index `first` up to `last`, exclusive."""
-        return LevelMoves(*(getattr(self, name)[first:last] for name in _COLUMNS))
+        some = slice(first, last)
+        return LevelMoves(
+            self.command[some],
+            self.start[some],
+            self.end[some],
+            self.volume[some],
+            self.xy_length[some],
+            self.extrudes[some],
+            self.role[some],
+        )
 
     @classmethod
     def concatenate(cls, parts: Sequence[LevelMoves]) -> LevelMoves:

@@ -10,6 +10,7 @@ a gap, so that a missing layer is noticed, and they may overhang by only 2.8 mm 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import pi
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -74,19 +75,26 @@ def find_unsupported_pieces(
     none = np.zeros(0, np.int64)
     if len(marks.layers) and not marks.layer_at(moves.command).any():
         return none  # priming may extrude into the air
-    of_part = _find_in_part(height_map, moves, pieces, cell, marks)
-    of_supports = _find_in_supports(height_map, moves, pieces, cell, marks)
+    removable = _find_removable(moves, marks)
+    of_part = _find_in_part(height_map, moves, pieces, cell, (removable, marks))
+    if not removable.any():
+        return of_part
+    of_supports = _find_in_supports(height_map, moves, pieces, cell, (removable, marks))
     return np.union1d(of_part, of_supports) if len(of_supports) else of_part
 
 
 def _find_in_part(
-    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
+    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, known: tuple[Bool, Marks]
 ) -> Int:
-    """Return the indices of the unsupported pieces that stay on the part, see `find_unsupported_pieces`."""
+    """Return the indices of the unsupported pieces that stay on the part, see `find_unsupported_pieces`.
+
+    `known` are the mask (n,) of removable moves, and the marks.
+    """
+    removable, marks = known
     none, gap = np.zeros(0, np.int64), marks.gaps.above
     kernel = load_kernel()
     if kernel:
-        level = kernel_level(moves, _find_removable(moves, marks), pieces, cell)
+        level = kernel_level(moves, removable, pieces, cell)
         drop = 0.0 if marks.has_roles else gap
         return height_map.find_unsupported_with(kernel, level, support_gap=gap, drop=drop)
     lowest = pieces.z - moves.strand_diameter.take(pieces.move) * _MAX_SAG
@@ -98,18 +106,16 @@ def _find_in_part(
     is_held = is_supported | _find_bridges(moves, pieces, is_supported)
     if is_held.all():
         return none
-    removable = _find_removable(moves, marks).take(pieces.move)
-    return np.flatnonzero(~height_map.find_pieces_near_seeds(cell, is_held, _MAX_OVERHANG) & ~removable)
+    is_near = height_map.find_pieces_near_seeds(cell, is_held, _MAX_OVERHANG)
+    return np.flatnonzero(~is_near & ~removable.take(pieces.move))
 
 
 def _find_in_supports(
-    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, marks: Marks
+    height_map: HeightMap, moves: LevelMoves, pieces: MovePieces, cell: Int, known: tuple[Bool, Marks]
 ) -> Int:
-    """Return the indices of the unsupported pieces of supports, see `find_unsupported_pieces`."""
+    """Return the indices of the unsupported pieces of supports; arguments as for `_find_in_part`."""
+    removable, marks = known
     none = np.zeros(0, np.int64)
-    removable = _find_removable(moves, marks)
-    if not removable.any():
-        return none
     some = np.flatnonzero(removable.take(pieces.move))
     own, own_cell = pieces.take(some), cell[some]
     top, is_on_support = height_map.tops_around(own_cell)
@@ -229,6 +235,14 @@ class UnsupportedExtrusion(NamedTuple):
     length: float
 
 
+class _SplitMoves(NamedTuple):
+    """Moves, their pieces, and the cells of these in the height map."""
+
+    moves: LevelMoves
+    pieces: MovePieces
+    cell: Int
+
+
 class UnsupportedTracker:
     """Collects the unsupported extrusion of a print from batches of its moves.
 
@@ -241,7 +255,7 @@ class UnsupportedTracker:
     def __init__(self, box: _Box, area: float, marks: Marks) -> None:
         self._box, self._area, self._marks = box, area, marks
         self._height_map: HeightMap | None = None
-        self._queue: list[LevelMoves] = []
+        self._queue: list[_SplitMoves] = []
         self._z = np.nan
         self._found: list[UnsupportedExtrusion] = []
 
@@ -257,6 +271,8 @@ class UnsupportedTracker:
         xy_length = np.hypot(*(end - start)[:, :2].T)
         volume = new_filament * self._area
         extruding = np.flatnonzero((volume > NEGLIGIBLE) & (xy_length > NEGLIGIBLE))
+        if not len(extruding):
+            return
         columns = (
             command[extruding],
             start[extruding],
@@ -268,12 +284,22 @@ class UnsupportedTracker:
             *columns, np.ones(len(extruding), np.bool_), self._marks.role_at(command[extruding])
         )
         firsts, heights = find_height_changes(np.arange(len(extruding)), end[extruding, 2], self._z)
-        begin = 0
-        for first, height in zip(firsts, heights, strict=True):
-            self._queue.append(moves.select_range(begin, first))
+        levels = self._split(moves, [0, *firsts, len(extruding)])
+        self._queue.append(levels[0])
+        for level, height in zip(levels[1:], heights, strict=True):
             self._check_queue()
-            begin, self._z = first, height
-        self._queue.append(moves.select_range(begin, len(extruding)))
+            self._queue, self._z = [level], height
+
+    def _split(self, moves: LevelMoves, borders: list[int]) -> list[_SplitMoves]:
+        """Split moves into pieces, and divide them at some of the moves."""
+        height_map = self._height_map = self._height_map or HeightMap(*self._box)
+        pieces = split_moves(moves.start, moves.end)
+        cell = height_map.cells(pieces)
+        ends = np.searchsorted(pieces.move, borders).tolist()
+        return [
+            _SplitMoves(moves.select_range(*some), pieces.select_range(*own, some[0]), cell[slice(*own)])
+            for some, own in zip(pairwise(borders), pairwise(ends), strict=True)
+        ]
 
     def read_height_map(self) -> HeightMap | None:
         """Return the height map of all moves so far; None if nothing is printed."""
@@ -287,13 +313,15 @@ class UnsupportedTracker:
 
     def _check_queue(self) -> None:
         """Check all queued moves of one height."""
-        waiting, self._queue = self._queue, []
-        if not any(len(one.command) for one in waiting):
+        waiting, self._queue = [one for one in self._queue if len(one.cell)], []
+        height_map = self._height_map
+        if height_map is None or not waiting:
             return
-        moves = LevelMoves.concatenate(waiting)
-        height_map = self._height_map = self._height_map or HeightMap(*self._box)
-        pieces = split_moves(moves.start, moves.end)
-        cell = height_map.cells(pieces)
+        moves, pieces, cell = waiting[0]
+        if len(waiting) > 1:
+            moves = LevelMoves.concatenate([one.moves for one in waiting])
+            pieces = split_moves(moves.start, moves.end)
+            cell = height_map.cells(pieces)
         unsupported = find_unsupported_pieces(height_map, moves, pieces, cell, self._marks)
         length = float(pieces.length[unsupported].sum())
         if length > MIN_REPORTED_LENGTH:
