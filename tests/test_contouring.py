@@ -36,7 +36,7 @@ from printer_slicer.slicing import cut
 from printer_slicer.stages import Stages
 from printer_slicer.surface import certify_stacks
 from tests.contoured_parts import dome, wedge, wedge_height
-from tests.parts import box, joined, layers, plain, pyramid, turned
+from tests.parts import box, box_with_hole, joined, layers, plain, pyramid, turned
 
 LEAST = 0.05  # mm, the default least height
 WEDGES = pytest.mark.parametrize("degrees", [5.0, 10.0, 15.0, 20.0, 25.0])
@@ -505,6 +505,16 @@ def test_a_widened_section_is_that_at_half_of_the_least_height() -> None:
     wrong = difference(solid, wanted).area() + difference(wanted, solid).area()
 
     assert (wrong[some] <= 0.03 * solid.length()[some] + 1e-6).all()
+
+
+def test_a_flat_inside_a_layer_is_filled_up_to_a_wall() -> None:
+    """Perimeters go along the wall, so only a gap remains that is just wide enough to be no part of the section."""
+    plate = box_with_hole((30.0, 20.0, 1.49), (20.0, 10.0))
+    solid = sliced(joined([plate, box((20.0, 10.0, 4.0), (5.0, 5.0, 0.0))])).sections.solid.area()
+    gap = 2 * (20.0 + 10.0) * 0.06
+
+    assert 30.0 * 20.0 - gap < solid[7] < 30.0 * 20.0
+    assert solid[8] == pytest.approx(20.0 * 10.0)
 
 
 def sections_mesh(mesh: Mesh, profile: Profile) -> Mesh:

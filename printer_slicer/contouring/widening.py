@@ -11,6 +11,7 @@ from printer_slicer.geometry import (
     Areas,
     close_gaps,
     difference,
+    intersection,
     normalize,
     offset,
     offset_open,
@@ -24,6 +25,7 @@ from printer_slicer.values import Struct
 __all__ = ["ReachedAreas", "find_reached_areas"]
 
 _SLIVER: Final = 0.01  # mm; half the width of slivers that are removed
+_LEVEL_RISE: Final = 0.01  # mm over the width of an extrusion; what rises less is level
 
 
 class ReachedAreas(Struct, frozen=True, eq=False):
@@ -31,24 +33,32 @@ class ReachedAreas(Struct, frozen=True, eq=False):
 
     Attributes:
         lower: where the surface is below the cut, but an extrusion may be as low.
+        level: those of them that are almost horizontal.
         surface: all shallow surfaces in the layer and above it within the slope of one extrusion.
-        margin: distance from steep surfaces within which no extrusion is lowered, mm.
+        margin: distance from steep surfaces within which no extrusion is lowered on a slope, mm.
     """
 
     lower: Areas
+    level: Areas
     surface: Areas
     margin: float
 
     def add_to(self, solid: Areas, resolution: float) -> Areas:
         """Return solid areas with these, without the gaps, slivers and many points that this makes along their borders.
 
-        Left out are strips beside other surfaces, because extrusions there are as high as the layer.
+        Left out are strips beside other surfaces, because extrusions on a slope there are as high as the layer. On a
+        horizontal surface, extrusions are low up to a steep one. Only a gap remains, so that they go along this border.
         """
+        gap = _SLIVER + resolution  # is closed on each side
         changed = self.lower.used
         before = solid.of_layers(changed)
-        level = offset_open(difference(before, self.surface), _SLIVER)
-        lower = difference(self.lower, offset(level, self.margin))
-        joined = close_gaps(union(before, lower), _SLIVER + resolution)
+        high = offset_open(difference(before, self.surface), _SLIVER)
+        around = offset(high, self.margin)
+        lower = difference(self.lower, around)
+        beside = intersection(self.level, around)
+        if beside.n_rings:
+            lower = union(lower, difference(beside, offset(high, 2 * gap + _SLIVER)))
+        joined = close_gaps(union(before, lower), gap)
         joined = offset_open(joined, _SLIVER)
         return solid.of_layers(~changed).merge(normalize(simplify(joined, resolution)))
 
@@ -67,8 +77,10 @@ def find_reached_areas(tops: Tops, rule: ContourRule) -> ReachedAreas:
     low = np.minimum(plan.bottom + rule.min_height / 2, plan.cut)
     facet, layer = tops.facet[tops.followed], tops.layer[tops.followed]
     lower = normalize(project_pieces(tops.corners[facet], layer, low, plan.cut))
+    flat = tops.slope[facet] * rule.width < _LEVEL_RISE
+    level = normalize(project_pieces(tops.corners[facet[flat]], layer[flat], low, plan.cut))
     around, layer = list_reached_layers(tops.corners, tops.slope, plan, rule, 1.0)
     used = lower.used[layer]
     high = plan.top + rule.width * rule.find_max_slopes(plan.height)
     surface = normalize(project_pieces(tops.corners[around[used]], layer[used], plan.bottom, high))
-    return ReachedAreas(lower, surface, rule.width / 2)
+    return ReachedAreas(lower, level, surface, rule.width / 2)

@@ -1,6 +1,7 @@
 """Find contoured extrusions, which follow the surface of the part inside their layer, and the tops of their layers.
 
-A file is contoured if its extrusions of the part also descend: spirals and scarf seams only rise. Layer comments say
+A file is contoured if its extrusions of the part also descend: spirals and scarf seams only rise. It is also contoured
+if a layer has level extrusions below its top, where they meet a flat inside the layer. Layer comments say
 which extrusions are of one layer, and what its top is. Without them, a path starts a layer if it lies on extrusions of
 the layer so far, or above its level ones.
 """
@@ -36,6 +37,7 @@ _MIN_OVERLAP: Final = (
 _MIN_LAYER_STEP: Final = (
     0.06  # mm; walls may be raised by less, so a higher path alone does not show a new layer
 )
+_MIN_LEVEL_STEP: Final = 0.01  # mm between the levels of a layer; files round z to 0.001 or 0.01
 _MIN_LEVEL_LENGTH: Final = 5.0  # mm of level extrusion that shows the top of a layer
 
 
@@ -48,10 +50,11 @@ def mark_contoured(beads: Extrusions, layer_comments: Int, z_comment: Float) -> 
         z_comment: (B,) mm, height of the layer in the last comment before each; nan without one.
     """
     of_part = ~np.isin(beads.purpose, NOT_PART) & (beads.z_top > _LEVEL_TOLERANCE)
-    if not -np.minimum(beads.rise[of_part], 0.0).sum() > _MIN_DESCENT:
-        return beads
     own = np.flatnonzero(of_part)
     some = beads.take(own)
+    descends = -np.minimum(some.rise, 0.0).sum() > _MIN_DESCENT
+    if not (descends or _has_lowered_level(some, layer_comments[own], z_comment[own])):
+        return beads
     has_comments = bool(layer_comments[own].any())
     number = layer_comments[own] if has_comments else _number_layers(some)
     number = np.unique(number, return_inverse=True)[1]
@@ -60,6 +63,26 @@ def mark_contoured(beads: Extrusions, layer_comments: Int, z_comment: Float) -> 
     layer_top = np.full(beads.n_beads, np.nan)
     layer_top[own[contoured]] = top[number[contoured]]
     return replace(beads, layer_top=layer_top)
+
+
+def _has_lowered_level(beads: Extrusions, layer_comments: Int, z_comment: Float) -> bool:
+    """Return whether a layer has a long level at the height in its comment, and one below it.
+
+    Args:
+        beads: extrusions of the part.
+        layer_comments: (B,) number of layer comments before each.
+        z_comment: (B,) mm, see `mark_contoured`.
+    """
+    flat = np.flatnonzero((np.abs(beads.rise) < _MIN_STEP) & (layer_comments > 0))
+    if not len(flat):
+        return False
+    order = flat[np.lexsort((beads.z_top[flat], layer_comments[flat]))]
+    layer, z = layer_comments[order], beads.z_top[order]
+    begins = np.append(True, (np.diff(layer) != 0) | (np.diff(z) > _MIN_LEVEL_STEP))
+    length = np.bincount(np.cumsum(begins) - 1, beads.length[order])
+    level = np.flatnonzero(begins)[length > _MIN_LEVEL_LENGTH]
+    is_highest = np.abs(z - z_comment[order])[level] < _MIN_LEVEL_STEP
+    return bool((is_highest[1:] & (np.diff(layer[level]) == 0)).any())
 
 
 def _find_tops(beads: Extrusions, number: Int, z_comment: Float) -> Float:

@@ -26,6 +26,7 @@ from tests.contoured_gcode import (
     level,
     wedge,
 )
+from tests.parts import box_with_hole, joined
 
 SEEDS = (1, 2, 3)
 Change = Callable[[Line], Line | None]
@@ -65,6 +66,19 @@ def test_narrow_sections_on_a_steep_top_need_what_is_below_the_surface() -> None
     text = gcode_of(slice_part(mesh, profile), profile)
 
     assert check_gcode(text, mesh).findings == ()
+
+
+def test_a_flat_inside_a_layer_is_covered_up_to_the_wall_beside_it() -> None:
+    """All its extrusions are level. The file shows that they are contoured by its two levels in one layer."""
+    settings = {"quality.layer_height": 0.2, "quality.planner.kind": "uniform", "quality.z_contouring": True}
+    outer = box_with_hole((30.0, 20.0, 1.49), (27.6, 17.6))
+    inner = box_with_hole((27.6, 17.6, 4.0), (25.0, 15.0)).moved((1.2, 1.2, 0.0))
+    mesh = joined([outer, inner])
+    profile = load_profile("marlin_220", "pla", "standard", settings)
+    check = check_gcode(gcode_of(slice_part(mesh, profile), profile), mesh)
+
+    assert check.findings == ()
+    assert check.coverage.stack.n_layers == 20
 
 
 def test_the_small_wedges_have_no_findings() -> None:
