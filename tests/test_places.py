@@ -306,13 +306,22 @@ def attempt(text: str, **changes: object) -> Profile:
     ("text", "told", "remedy"),
     [
         ("lid:perimetres=3", "lid:perimetres: no such setting", "Did you mean 'perimeters'?"),
-        ("lid:extrusion_width=0.5", "quality.extrusion_width cannot be overridden for objects", "perimeters"),
-        ("lid:nozzle_temperature=200", "cannot be overridden for objects", "perimeters"),
-        ("1:2:elephant_foot=0.2", "cannot be overridden for height ranges", "perimeters"),
+        (
+            "lid:extrusion_width=0.5",
+            "quality.extrusion_width cannot be overridden for objects",
+            "Set it for the whole print: --set extrusion_width=",
+        ),
+        (
+            "lid:nozzle_temperature=200",
+            "cannot be overridden for objects",
+            "Override it for height ranges, or",
+        ),
+        ("lid:z_contouring=true", "cannot be overridden for objects", "--set z_contouring=VALUE"),
+        ("1:2:elephant_foot=0.2", "cannot be overridden for height ranges", "Override it for objects, or"),
         (
             "lid:1:2:nozzle_temperature=200",
             "cannot be overridden for objects and height ranges",
-            "perimeters",
+            "Override it for height ranges, or",
         ),
         (
             "lid:perimeters=many",
@@ -333,6 +342,7 @@ def test_overrides_that_make_no_sense_are_refused(text: str, told: str, remedy: 
     assert "overrides" in str(caught.value)
     assert told in str(caught.value)
     assert remedy in caught.value.remedy
+    assert len(caught.value.remedy) < 200
 
 
 def test_a_spiral_has_no_places_of_its_own() -> None:

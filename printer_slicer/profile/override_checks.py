@@ -81,10 +81,17 @@ def _check_key(
             " and ".join(_PLACE_NAMES[one] for one in sorted(required, reverse=True))
             or "objects and height ranges"
         )
-        near = ", ".join(name.partition(".")[2] for name in allowed)
-        yield f"{found[0]} cannot be overridden for {places}", f"Choose one of: {near}"
+        yield f"{found[0]} cannot be overridden for {places}", _suggest_place(rows[found[0]])
     else:
         yield from _check_value(found[0], value, quality)
+
+
+def _suggest_place(row: SettingRow) -> str:
+    """Return where a setting can be set that an override may not change, in a sentence."""
+    name = row.key.partition(".")[2]
+    others = " and ".join(_PLACE_NAMES[one] for one in sorted(row.own, reverse=True))
+    elsewhere = f"Override it for {others}, or set" if others else "Set"
+    return f"{elsewhere} it for the whole print: --set {name}=VALUE"
 
 
 def _check_value(key: str, value: object, quality: Quality) -> Iterator[tuple[str, str]]:
