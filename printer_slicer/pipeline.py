@@ -439,6 +439,13 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
         sections[0], walls[0] = change_inexact_walls(meshes[0], sections[0], walls[0], own[0], known)
     report("regions")
     regions = list(map(classify, sections, walls, own))
+    if profile.quality.z_contouring:
+        from printer_slicer.contouring import direct_top_rows  # noqa: PLC0415 - off by default
+
+        regions = [
+            direct_top_rows(one, mesh, one.plan.contour_rule)
+            for one, mesh in zip(regions, meshes, strict=True)
+        ]
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(

@@ -165,6 +165,31 @@ def test_beads_are_laid_from_low_to_high() -> None:
     assert found > 3
 
 
+@pytest.mark.parametrize("degrees", [0.0, 30.0])
+def test_rows_of_top_infill_lie_along_the_contour_lines(degrees: float) -> None:
+    mesh = turned_about_z(wedge(5.0, (20.0, 15.0)), degrees)
+    paths = sliced(mesh).toolpaths
+    begin, end = paths.ends_of_beads
+    far = np.hypot(*(paths.xy[end] - paths.xy[begin]).T)
+    rows = (paths.role[paths.path_of_bead] == Role.TOP_SOLID_INFILL) & (far > 2.0)
+
+    assert far[rows].sum() > 500
+    assert np.abs(paths.z_offset[end] - paths.z_offset[begin])[rows].max() < 0.011
+
+
+def test_rows_of_tops_that_slope_in_all_directions_are_as_ever() -> None:
+    regions = sliced(dome()).regions
+
+    assert regions.top_solid_infill.n_rings
+    assert np.isnan(regions.top_angle[regions.top_solid_infill.ring_layer > 15]).all()
+
+
+def turned_about_z(mesh: Mesh, degrees: float) -> Mesh:
+    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return Mesh(mesh.triangles @ turn.T, mesh.name)
+
+
 def test_infill_that_climbs_begins_low() -> None:
     """Rows across the slope: the chain of rows is printed from its low side on."""
     stages = slice_stages(wedge(5.0, (20.0, 12.0)), contoured(infill_angle_deg=0.0, perimeters=1))

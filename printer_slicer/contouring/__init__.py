@@ -7,6 +7,7 @@ whatever the layer height is. So only shallow surfaces are followed, see `Contou
     Mesh, LayerPlan     -> `find_tops`            -> Tops: the shallow upward facets, by layer
     Tops                -> `find_reached_areas`   -> by which `slicing` widens sections: what low extrusions reach
     Tops                -> `FacetBins`            -> the same facets, by layer and place
+    Regions, Tops       -> `direct_top_rows`      -> Regions whose contoured tops have rows along contour lines
     Toolpaths, bins     -> `find_contoured_paths` -> `ordering` prints these walls from the outside in, without scarfs
     Toolpaths, bins     -> `contour`              -> Toolpaths with `z_offset` and `flow_ratio`
     Toolpaths, bins     -> `measure_deviations`   -> ContourDeviations: how far they are from the surface
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 from printer_slicer.contouring.deviations import measure_deviations
 from printer_slicer.contouring.paths import contour, find_contoured_paths
+from printer_slicer.contouring.row_directions import direct_top_rows
 from printer_slicer.contouring.rules import (
     add_contour_rule,
     find_inexact_tops,
@@ -36,6 +38,7 @@ __all__ = [
     "Tops",
     "add_contour_rule",
     "contour",
+    "direct_top_rows",
     "find_contoured_paths",
     "find_inexact_tops",
     "find_reached_areas",

@@ -17,6 +17,8 @@ from printer_slicer.roles import Role
 
 __all__ = ["solid_paths"]
 
+_TOP = 2  # index of top solid infill among the joined pieces
+
 
 def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     """Fill bridges, top, bottom and other solid infill; lines turn by 90° from layer to layer."""
@@ -24,27 +26,36 @@ def solid_paths(regions: Regions, profile: Profile) -> list[Toolpaths]:
     turned = np.deg2rad(profile.quality.infill_angle_deg) + np.pi / 2 * (np.arange(plan.n_layers) % 2)
     parts = _fill_bridges(regions, profile) + _fill_internal_bridges(regions, profile)
     even, others = thin_solid_paths(regions, split_connected(regions.solid_infill), profile)
-    pieces, which = ConnectedAreas.joined(
-        [split_connected(regions.bottom_solid_infill), others, split_connected(regions.top_solid_infill)]
-    )
+    tops = split_connected(regions.top_solid_infill)
+    pieces, which = ConnectedAreas.joined([split_connected(regions.bottom_solid_infill), others, tops])
+    angle, top_angle = turned[pieces.layer], _find_top_angles(tops, regions, turned)
+    angle[which == _TOP] = top_angle
     role = np.array([Role.BOTTOM_SOLID_INFILL, Role.SOLID_INFILL, Role.TOP_SOLID_INFILL])[which]
     along, left = fill_narrow_pieces(plan, pieces, role, profile)
     across = pieces.take(left)
-    beads = _make_row_settings(plan, across, role[left], turned[across.layer], profile)
+    beads = _make_row_settings(plan, across, role[left], angle[left], profile)
     parts += [even, along, *fill_with_rows(plan, across, beads, profile)]
     if profile.quality.ironing:
-        parts += _make_ironing_lines(plan, split_connected(regions.top_solid_infill), turned, profile)
+        parts += _make_ironing_lines(plan, tops, top_angle, profile)
     return parts
 
 
+def _find_top_angles(tops: ConnectedAreas, regions: Regions, turned: Float) -> Float:
+    """Return the direction (P,) of the lines of each top, radians; `turned` (L,) are the usual ones."""
+    given = np.full(tops.count + 1, np.nan)  # the last one is for rings without a piece
+    given[tops.of_ring] = regions.top_angle
+    given = given[:-1]
+    return np.where(np.isnan(given), turned[tops.layer], given)
+
+
 def _make_ironing_lines(
-    plan: LayerPlan, skins: ConnectedAreas, turned: Float, profile: Profile
+    plan: LayerPlan, skins: ConnectedAreas, angle: Float, profile: Profile
 ) -> list[Toolpaths]:
-    """Return ironing lines across the lines of top solid infill."""
+    """Return ironing lines across the lines of top solid infill, whose directions (P,) are given in radians."""
     quality = profile.quality
     height = quality.ironing_flow_ratio * plan.height[skins.layer]
     gap = np.full(skins.count, quality.ironing_spacing)
-    across = turned[skins.layer] + np.pi / 2
+    across = angle + np.pi / 2
     width = np.round(bead.width_for_spacing(gap, height), 4)
     beads = RowSettings(_repeat_role(skins, Role.IRONING), across, gap, width, height)
     return fill_with_rows(plan, skins, beads, profile)

@@ -356,6 +356,13 @@ _REGIONS: Final = (
 )
 
 
+_ANGLES: Final = {
+    "bridge_angle": "bridge",
+    "internal_bridge_angle": "internal_bridge",
+    "top_angle": "top_solid_infill",
+}
+
+
 @accept_former_fields(
     bottom_skin="bottom_solid_infill",
     top_skin="top_solid_infill",
@@ -378,6 +385,8 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         inside: the union of all regions.
         internal_bridge_angle: (R,) radians for each ring of `internal_bridge`; 0 until it is computed from the lines
             of the internal infill.
+        top_angle: (R,) radians for each ring of `top_solid_infill`, the same for all rings of a connected area: the
+            direction of its lines; nan where it is the usual one.
     """
 
     plan: LayerPlan
@@ -390,6 +399,7 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
     internal_bridge: Areas = field(default_factory=lambda: Areas.empty(0))
     inside: Areas = field(default_factory=lambda: Areas.empty(0))
     internal_bridge_angle: Float = field(default_factory=lambda: np.zeros(0))
+    top_angle: Float = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         angle = frozen_array(self.bridge_angle, np.float64, (self.bridge.n_rings,))
@@ -400,6 +410,9 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         n_rings = self.internal_bridge.n_rings
         given = self.internal_bridge_angle if len(self.internal_bridge_angle) else np.zeros(n_rings)
         force_setattr(self, "internal_bridge_angle", frozen_array(given, np.float64, (n_rings,)))
+        n_rings = self.top_solid_infill.n_rings
+        given = self.top_angle if len(self.top_angle) else np.full(n_rings, np.nan)
+        force_setattr(self, "top_angle", frozen_array(given, np.float64, (n_rings,)))
 
     def __repr__(self) -> str:
         names = (
@@ -430,6 +443,7 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
             **{name: getattr(self, name).copy_layers(layers) for name in _REGIONS},
             bridge_angle=self.bridge_angle[here[self.bridge.ring_layer]],
             internal_bridge_angle=self.internal_bridge_angle[here[self.internal_bridge.ring_layer]],
+            top_angle=self.top_angle[here[self.top_solid_infill.ring_layer]],
         )
 
     def of_layers(self, here: Bool) -> Regions:
@@ -439,6 +453,7 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
             **{name: getattr(self, name).of_layers(here) for name in _REGIONS},
             bridge_angle=self.bridge_angle[here[self.bridge.ring_layer]],
             internal_bridge_angle=self.internal_bridge_angle[here[self.internal_bridge.ring_layer]],
+            top_angle=self.top_angle[here[self.top_solid_infill.ring_layer]],
         )
 
     @classmethod
@@ -450,14 +465,15 @@ class Regions(SvgRepr, Struct, frozen=True, eq=False):
         if len(parts) == 1:
             return first
         angles = {
-            name: np.concatenate([getattr(part, f"{name}_angle") for part in parts])[
+            of: np.concatenate([getattr(part, of) for part in parts])[
                 np.argsort(np.concatenate([getattr(part, name).ring_layer for part in parts]), kind="stable")
             ]
-            for name in ("bridge", "internal_bridge")
+            for of, name in _ANGLES.items()
         }
         return cls(
             first.plan,
             **{name: Areas.merged([getattr(part, name) for part in parts]) for name in _REGIONS},
-            bridge_angle=angles["bridge"],
-            internal_bridge_angle=angles["internal_bridge"],
+            bridge_angle=angles["bridge_angle"],
+            internal_bridge_angle=angles["internal_bridge_angle"],
+            top_angle=angles["top_angle"],
         )
