@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from printer_slicer.contouring import FacetBins, contour, find_tops, measure_deviations
+from printer_slicer.contouring import contour, find_facet_bins, measure_deviations
 from printer_slicer.model import ContourDeviations, LayerPlan, Mesh, ObjectStack, Sections, Walls
 from printer_slicer.objects import cut_objects
 from printer_slicer.ordering.loops import close_loops
@@ -50,11 +50,10 @@ def change_inexact_walls(
 def _measure_walls(part: Mesh, sections: Sections, walls: Walls) -> ContourDeviations | None:
     """Return how far contoured perimeters are from the surfaces that they follow; None if they follow none."""
     plan, rule = sections.plan, sections.plan.contour_rule
-    tops = find_tops(part, plan, rule) if rule else None
-    if rule is None or tops is None:
+    bins = find_facet_bins(part, plan, rule) if rule else None
+    if rule is None or bins is None:
         return None
-    bins = FacetBins.from_tops(tops)
-    paths = walls.paths.take(np.flatnonzero(tops.is_contoured[walls.paths.layer]))
+    paths = walls.paths.take(np.flatnonzero(bins.tops.is_contoured[walls.paths.layer]))
     return measure_deviations(contour(close_loops(paths), bins, sections, rule), bins, sections, rule)
 
 

@@ -163,5 +163,6 @@ def _fill(regions: Regions, area: Areas, bridge: Areas, angle: Float) -> Regions
         bridge=bridge,
         bridge_angle=angle,
         internal_bridge_angle=np.zeros(0),
+        top_angle=np.zeros(0),
         **within,
     )

@@ -186,13 +186,13 @@ def _cut_object(mesh: Mesh, plan: LayerPlan, profile: Profile) -> Sections:
     resolution = profile.quality.resolution
     if not profile.quality.z_contouring:
         return cut(mesh, plan, resolution)
-    from printer_slicer.contouring import find_reached_areas, find_tops, make_contour_rule  # noqa: PLC0415 - off by default
+    from printer_slicer.contouring import find_facet_bins, find_reached_areas, make_contour_rule  # noqa: PLC0415 - off by default
 
     rule = plan.contour_rule or make_contour_rule(profile)
-    tops = find_tops(mesh, plan, rule) if rule else None
-    if rule is None or tops is None:
+    bins = find_facet_bins(mesh, plan, rule) if rule else None
+    if rule is None or bins is None:
         return cut(mesh, plan, resolution)
-    reached = find_reached_areas(tops, rule)
+    reached = find_reached_areas(bins.tops, rule)
     sections = cut(mesh, plan, resolution, reached)
     return replace(sections, below_cut=intersection(reached.lower, sections.solid))
 

@@ -341,20 +341,18 @@ def _order(
     if not profile.quality.z_contouring:
         return order(paths.pop(), printed, profile), None
     from printer_slicer.contouring import (  # noqa: PLC0415 - off by default
-        FacetBins,
         contour,
         find_contoured_paths,
-        find_tops,
+        find_facet_bins,
         make_contour_rule,
         measure_deviations,
     )
 
     rule = solid.plan.contour_rule or make_contour_rule(profile)
     lift = float(printed.plan.top[-1] - solid.plan.top[-1])
-    tops = find_tops(part, printed.plan, rule, lift) if rule else None
-    if rule is None or tops is None:
+    bins = find_facet_bins(part, printed.plan, rule, lift) if rule else None
+    if rule is None or bins is None:
         return order(paths.pop(), printed, profile), None
-    bins = FacetBins.from_tops(tops)
     is_contoured = find_contoured_paths(paths[0], bins)
     toolpaths = contour(order(paths.pop(), printed, profile, is_contoured), bins, printed, rule)
     return toolpaths, measure_deviations(toolpaths, bins, printed, rule, part)
@@ -438,14 +436,7 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
 
         sections[0], walls[0] = change_inexact_walls(meshes[0], sections[0], walls[0], own[0], known)
     report("regions")
-    regions = list(map(classify, sections, walls, own))
-    if profile.quality.z_contouring:
-        from printer_slicer.contouring import direct_top_rows  # noqa: PLC0415 - off by default
-
-        regions = [
-            direct_top_rows(one, mesh, one.plan.contour_rule)
-            for one, mesh in zip(regions, meshes, strict=True)
-        ]
+    regions = _classify(meshes, sections, walls, own)
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(
@@ -498,6 +489,18 @@ def _cut(
     meshes, plans, own = split_objects(part, plan, profile)
     report("slicing")
     return meshes, cut_objects(meshes, plans, own), own
+
+
+def _classify(
+    meshes: list[Mesh], sections: list[Sections], walls: list[Walls], own: list[Profile]
+) -> list[Regions]:
+    """Return the regions of each object; the rows of contoured tops follow its surface."""
+    regions = list(map(classify, sections, walls, own))
+    if not any(one.plan.contour_rule for one in sections):
+        return regions
+    from printer_slicer.contouring import direct_top_rows  # noqa: PLC0415 - off by default
+
+    return list(map(direct_top_rows, regions, meshes))
 
 
 def _cut_modifiers(

@@ -309,14 +309,14 @@ def attempt(text: str, **changes: object) -> Profile:
         (
             "lid:extrusion_width=0.5",
             "quality.extrusion_width cannot be overridden for objects",
-            "Set it for the whole print: --set extrusion_width=",
+            "Set extrusion_width for the whole print",
         ),
         (
             "lid:nozzle_temperature=200",
             "cannot be overridden for objects",
             "Override it for height ranges, or",
         ),
-        ("lid:z_contouring=true", "cannot be overridden for objects", "--set z_contouring=VALUE"),
+        ("lid:z_contouring=true", "cannot be overridden for objects", "Set z_contouring for the whole print"),
         ("1:2:elephant_foot=0.2", "cannot be overridden for height ranges", "Override it for objects, or"),
         (
             "lid:1:2:nozzle_temperature=200",

@@ -6,8 +6,8 @@ whatever the layer height is. So only shallow surfaces are followed, see `Contou
 
     Mesh, LayerPlan     -> `find_tops`            -> Tops: the shallow upward facets, by layer
     Tops                -> `find_reached_areas`   -> by which `slicing` widens sections: what low extrusions reach
-    Tops                -> `FacetBins`            -> the same facets, by layer and place
-    Regions, Tops       -> `direct_top_rows`      -> Regions whose contoured tops have rows along contour lines
+    Mesh, LayerPlan     -> `find_facet_bins`      -> FacetBins: the same facets, by layer and place
+    Regions, Mesh       -> `direct_top_rows`      -> Regions whose contoured tops have rows along contour lines
     Toolpaths, bins     -> `find_contoured_paths` -> `ordering` prints these walls from the outside in, without scarfs
     Toolpaths, bins     -> `contour`              -> Toolpaths with `z_offset` and `flow_ratio`
     Toolpaths, bins     -> `measure_deviations`   -> ContourDeviations: how far they are from the surface
@@ -28,7 +28,7 @@ from printer_slicer.contouring.rules import (
     level_layers,
     make_contour_rule,
 )
-from printer_slicer.contouring.surface_heights import FacetBins
+from printer_slicer.contouring.surface_heights import FacetBins, find_facet_bins
 from printer_slicer.contouring.tops import Tops, find_tops
 from printer_slicer.contouring.widening import ReachedAreas, find_reached_areas
 
@@ -40,6 +40,7 @@ __all__ = [
     "contour",
     "direct_top_rows",
     "find_contoured_paths",
+    "find_facet_bins",
     "find_inexact_tops",
     "find_reached_areas",
     "find_tops",

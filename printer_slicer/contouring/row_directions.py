@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from printer_slicer.arrays import Float, Int, consecutive, next_in_ring
-from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints
-from printer_slicer.contouring.tops import Tops, find_tops
+from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, find_facet_bins
 from printer_slicer.geometry import split_connected
 from printer_slicer.model import ContourRule, Mesh, Regions
 from printer_slicer.values import replace
@@ -25,28 +24,27 @@ _MIN_FOLLOWED: Final = 0.25  # of the outline of an area; the rest may be under 
 _MIN_AGREEMENT: Final = 0.8  # of the slopes around an area; 1: all of it slopes in one direction
 
 
-def direct_top_rows(regions: Regions, mesh: Mesh, rule: ContourRule | None) -> Regions:
+def direct_top_rows(regions: Regions, mesh: Mesh) -> Regions:
     """Return regions whose contoured top solid infill has rows along the contour lines of the surface.
 
     Areas that slope in several directions, or are partly level, keep the usual direction.
 
     Args:
-        regions: of the part.
+        regions: of the part; their plan has the rule of contouring.
         mesh: the part, standing on z = 0.
-        rule: of contouring; None: nothing is contoured.
     """
-    areas = regions.top_solid_infill
-    tops = find_tops(mesh, regions.plan, rule) if rule and areas.n_rings else None
-    if rule is None or tops is None:
+    areas, rule = regions.top_solid_infill, regions.plan.contour_rule
+    bins = find_facet_bins(mesh, regions.plan, rule) if rule and areas.n_rings else None
+    if rule is None or bins is None:
         return regions
     pieces = split_connected(areas)
     step = areas.xy[next_in_ring(areas.ring_start)] - areas.xy
     count = np.maximum(np.ceil(np.hypot(*step.T) / _SPACING), 1).astype(np.int64)
-    count[~tops.is_contoured[areas.ring_layer[areas.point_ring]]] = 0
+    count[~bins.tops.is_contoured[areas.ring_layer[areas.point_ring]]] = 0
     corner = np.repeat(np.arange(len(count)), count)
     share = consecutive(np.zeros_like(count), count) / count[corner]
     ring = areas.point_ring[corner]
-    slope = _find_slopes(areas.xy[corner] + share[:, None] * step[corner], areas.ring_layer[ring], tops, rule)
+    slope = _find_slopes(areas.xy[corner] + share[:, None] * step[corner], areas.ring_layer[ring], bins, rule)
     # Twice the angle is the same for both directions of a row.
     wave = np.where(np.abs(slope) > _MIN_SLOPE, np.exp(2j * np.angle(slope)), 0.0)
     piece, n = pieces.of_ring[ring], pieces.count + 1  # the last one is for rings without a piece
@@ -58,9 +56,9 @@ def direct_top_rows(regions: Regions, mesh: Mesh, rule: ContourRule | None) -> R
     return replace(regions, top_angle=angle[pieces.of_ring])
 
 
-def _find_slopes(xy: Float, layer: Int, tops: Tops, rule: ContourRule) -> npt.NDArray[np.complex128]:
+def _find_slopes(xy: Float, layer: Int, bins: FacetBins, rule: ContourRule) -> npt.NDArray[np.complex128]:
     """Return the slopes in x and y (n,) of the surfaces at points (n, 2) of layers (n,); nan where there are none."""
-    bins, plan = FacetBins.from_tops(tops), tops.plan
+    plan = bins.tops.plan
     limits = plan.bottom + rule.min_height / 2, plan.top, rule.find_max_slopes(plan.height)
     facet = bins.find_facets(LayerPoints(xy, layer, *(one[layer] for one in limits)))
     slope = bins.plane[facet, 1] + 1j * bins.plane[facet, 2]

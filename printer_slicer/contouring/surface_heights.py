@@ -8,20 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
-from printer_slicer.contouring.tops import Tops
+from printer_slicer.contouring.tops import Tops, find_tops
 from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import are_in_triangles, cross
 from printer_slicer.kernel import load_kernel
-from printer_slicer.model import Sections
+from printer_slicer.model import ContourRule, LayerPlan, Mesh, Sections
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
 
-__all__ = ["FacetBins", "LayerPoints", "is_open_above"]
+__all__ = ["FacetBins", "LayerPoints", "find_facet_bins", "is_open_above"]
 
 _CELL: Final = 0.5  # mm
 _SMALL_FACET: Final = 9  # cells of its bounding box
@@ -153,6 +154,23 @@ class FacetBins(Struct, frozen=True, eq=False):
         result = np.full(len(z), -np.inf)
         result[some[counts]] = z[some[counts]]
         return result
+
+
+_latest: WeakKeyDictionary[Mesh, tuple[LayerPlan, ContourRule, float, FacetBins | None]] = WeakKeyDictionary()
+
+
+def find_facet_bins(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0) -> FacetBins | None:
+    """List the facets that contoured extrusions follow; None if there are none.
+
+    Arguments are those of `find_tops`. Several stages ask for the same facets, so the latest ones of a mesh are cached.
+    """
+    known = _latest.get(mesh)
+    if known and known[0] is plan and known[1:3] == (rule, lift):
+        return known[3]
+    tops = find_tops(mesh, plan, rule, lift)
+    bins = FacetBins.from_tops(tops) if tops else None
+    _latest[mesh] = plan, rule, lift, bins
+    return bins
 
 
 def is_open_above(points: LayerPoints, sections: Sections) -> Bool:

@@ -91,7 +91,7 @@ def _suggest_place(row: SettingRow) -> str:
     name = row.key.partition(".")[2]
     others = " and ".join(_PLACE_NAMES[one] for one in sorted(row.own, reverse=True))
     elsewhere = f"Override it for {others}, or set" if others else "Set"
-    return f"{elsewhere} it for the whole print: --set {name}=VALUE"
+    return f"{elsewhere} {name} for the whole print"
 
 
 def _check_value(key: str, value: object, quality: Quality) -> Iterator[tuple[str, str]]:
