@@ -54,7 +54,8 @@ def _measure_walls(part: Mesh, sections: Sections, walls: Walls) -> ContourDevia
     if rule is None or bins is None:
         return None
     paths = walls.paths.take(np.flatnonzero(bins.tops.is_contoured[walls.paths.layer]))
-    return measure_deviations(contour(close_loops(paths), bins, sections, rule), bins, sections, rule)
+    lowered = contour(close_loops(paths), bins, sections, rule)
+    return measure_deviations(lowered, bins, sections, rule, part)
 
 
 def _cut_changed(part: Mesh, sections: Sections, plan: LayerPlan, profile: Profile) -> Sections:
