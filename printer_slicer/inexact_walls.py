@@ -7,9 +7,12 @@ after that, see `pipeline`.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from printer_slicer.contouring import contour, find_facet_bins, measure_deviations
+from printer_slicer.geometry import Areas
 from printer_slicer.model import ContourDeviations, LayerPlan, Mesh, ObjectStack, Sections, Walls
 from printer_slicer.objects import cut_objects
 from printer_slicer.ordering.loops import close_loops
@@ -19,6 +22,8 @@ from printer_slicer.profile import Profile
 from printer_slicer.values import replace
 
 __all__ = ["change_inexact_walls"]
+
+_ROUNDS: Final = 2  # level around some places, then level everywhere or divided
 
 
 def change_inexact_walls(
@@ -35,15 +40,16 @@ def change_inexact_walls(
         profile: of the part; gives the tolerance.
         known: the same perimeters; gets the new ones.
     """
-    measured = _measure_walls(part, sections, walls)
-    if measured is None:
-        return sections, walls
-    stack = ObjectStack(sections.plan, part, (0,), contours=measured)
-    changed = change_inexact_layers([stack], profile)
-    if changed is None:
-        return sections, walls
-    sections = _cut_changed(part, sections, changed[0].plan, profile)
-    (walls,) = known.lay([sections], [profile])
+    for _ in range(_ROUNDS):
+        measured = _measure_walls(part, sections, walls)
+        if measured is None:
+            break
+        stack = ObjectStack(sections.plan, part, (0,), contours=measured)
+        changed = change_inexact_layers([stack], profile)
+        if changed is None:
+            break
+        sections = _cut_changed(part, sections, changed[0].plan, profile)
+        (walls,) = known.lay([sections], [profile])
     return sections, walls
 
 
@@ -61,17 +67,20 @@ def _measure_walls(part: Mesh, sections: Sections, walls: Walls) -> ContourDevia
 def _cut_changed(part: Mesh, sections: Sections, plan: LayerPlan, profile: Profile) -> Sections:
     """Return the sections of a changed plan from those of the plan before.
 
-    If it has the same layers, those whose tops have become level are cut again.
+    If it has the same layers, those whose tops have become level are cut again, also if only around some places.
     """
     before = sections.plan
     if plan.n_layers != before.n_layers or before.contour_rule is None or plan.contour_rule is None:
         return cut_objects([part], [plan], [profile])[0]
-    is_level = before.contour_rule.find_contoured(before.top) & ~plan.contour_rule.find_contoured(plan.top)
+    changed = before.contour_rule.find_contoured(before.top) & ~plan.contour_rule.find_contoured(plan.top)
+    changed |= plan.contour_rule.find_partly_level(plan.top)
     # The first layer decides how far the inset of the elephant foot reaches.
-    layers = np.flatnonzero(is_level | (np.arange(plan.n_layers) == 0))
+    layers = np.flatnonzero(changed | (np.arange(plan.n_layers) == 0))
     made = cut_objects([part], [plan.take(layers)], [profile])[0]
-    solid = made.solid.on_layers(layers, plan.n_layers).of_layers(is_level)
-    below = sections.below_cut.of_layers(~is_level) if sections.below_cut else None
-    return replace(
-        sections, plan=plan, solid=sections.solid.of_layers(~is_level).merge(solid), below_cut=below
-    )
+    areas = {}
+    for name in ("solid", "below_cut"):
+        old, new = getattr(sections, name), getattr(made, name)
+        empty = Areas.empty(plan.n_layers)
+        new = new.on_layers(layers, plan.n_layers).of_layers(changed) if new else empty
+        areas[name] = (old.of_layers(~changed) if old else empty).merge(new)
+    return replace(sections, plan=plan, **areas)

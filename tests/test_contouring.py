@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from benchmarks.contour_bounds import sample_part
 from printer_slicer import bead, geometry
 from printer_slicer.arrays import Bool, Float
-from printer_slicer.contouring import FacetBins, find_tops, make_contour_rule
+from printer_slicer.contouring import FacetBins, find_inexact_layers, find_tops, make_contour_rule
 from printer_slicer.contouring.fine_points import FinePoints
 from printer_slicer.contouring.surface_heights import LayerPoints
 from printer_slicer.contouring.z_profiles import (
@@ -475,15 +475,31 @@ def test_printed_extrusions_keep_the_tolerance(mesh: Mesh) -> None:
     assert certify_stacks(stages.stacks).max_error <= 0.1 + 1e-6
 
 
-def test_layers_that_break_the_tolerance_are_levelled() -> None:
+def test_places_that_break_the_tolerance_are_levelled() -> None:
     stages = sliced(slope_and_pyramid(), planner__kind="optimal", tolerance=0.08)
-    rule = stages.stacks[0].plan.contour_rule
+    rule, paths = stages.stacks[0].plan.contour_rule, stages.toolpaths
 
     assert rule is not None
-    assert len(rule.level_tops) > 1
-    level = np.isin(stages.toolpaths.plan.top, rule.level_tops)
-    owner = stages.toolpaths.path_of_point
-    assert (stages.toolpaths.z_offset[level[stages.toolpaths.layer[owner]]] == 0).all()
+    assert len({top for top, _, _ in rule.level_places}) > 1
+    assert certify_stacks(stages.stacks).max_error <= 0.08 + 1e-6
+    top = paths.plan.top[paths.layer[paths.path_of_point]]
+    for level, *place in rule.level_places:
+        near = (np.abs(top - level) < 1e-6) & (np.hypot(*(paths.xy - place).T) < 0.6)
+        assert (paths.z_offset[near] == 0).all()
+    partly = np.isin(top, [level for level, _, _ in rule.level_places])
+    assert paths.z_offset[partly].min() < -0.03  # farther away, the surface is followed
+
+
+def test_layers_are_levelled_where_level_places_are_not_enough() -> None:
+    stages = sliced(slope_and_pyramid(), planner__kind="optimal", tolerance=0.08)
+    (stack,) = stages.stacks
+    assert stack.contours is not None
+    again = find_inexact_layers(stack, np.full(stack.plan.n_layers, 0.03))
+
+    partly = {top for top, _, _ in stack.plan.contour_rule.level_places} if stack.plan.contour_rule else set()
+    assert partly
+    assert not partly & {top for top, _, _ in again.places}
+    assert not (set(again.level) | set(again.thick)) & {top for top, _, _ in again.places}
 
 
 @pytest.mark.parametrize("changes", [{}, {"single_top_perimeter": True, "extra_perimeters": True}])
@@ -496,7 +512,7 @@ def test_the_plan_with_level_layers_gives_the_same_print_again(changes: dict[str
     again = slice_stages(mesh, wanted, plan=plan)
 
     assert plan.contour_rule
-    assert plan.contour_rule.level_tops
+    assert plan.contour_rule.level_places
     assert gcode_of(again.program, wanted) == gcode_of(stages.program, wanted)
 
 

@@ -41,7 +41,7 @@ def test_only_layers_that_become_level_change() -> None:
     rule = sections.plan.contour_rule
 
     assert rule is not None
-    assert len(rule.level_tops) > 1
+    assert len({top for top, _, _ in rule.level_places}) > 1
     whole = cut_objects([part], [sections.plan], [profile])[0]
     assert not sections.solid.find_changed_layers(whole.solid).any()
     assert sections.below_cut is not None
@@ -59,5 +59,6 @@ def test_the_perimeters_show_which_layers_break_the_tolerance() -> None:
 
     assert final is not None
     assert sections.plan.contour_rule is not None
-    assert sorted(final.level_tops) == sorted(sections.plan.contour_rule.level_tops)
-    assert np.isin(final.level_tops, sections.plan.top).all()
+    assert sorted(final.level_places) == sorted(sections.plan.contour_rule.level_places)
+    assert final.level_tops == sections.plan.contour_rule.level_tops
+    assert np.isin([top for top, _, _ in final.level_places], sections.plan.top).all()

@@ -23,7 +23,7 @@ from printer_slicer.contouring.paths import contour, find_contoured_paths
 from printer_slicer.contouring.row_directions import direct_top_rows
 from printer_slicer.contouring.rules import (
     add_contour_rule,
-    find_inexact_tops,
+    find_inexact_layers,
     join_contours,
     level_layers,
     make_contour_rule,
@@ -41,7 +41,7 @@ __all__ = [
     "direct_top_rows",
     "find_contoured_paths",
     "find_facet_bins",
-    "find_inexact_tops",
+    "find_inexact_layers",
     "find_reached_areas",
     "find_tops",
     "join_contours",

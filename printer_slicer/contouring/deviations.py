@@ -11,6 +11,7 @@ from printer_slicer.arrays import Bool, Float, Int, previous_in_ring, unique_inv
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.paths import find_paths_near
 from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
+from printer_slicer.contouring.tops import NARROW_REACH
 from printer_slicer.geometry.boxes import Boxes
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import cross, dot, measure_distances_from_triangles, norm
@@ -117,7 +118,9 @@ def measure_deviations(
         part: the mesh.
     """
     plan = paths.plan
-    found = ContourDeviations(plan.top, np.zeros(plan.n_layers), np.zeros((plan.n_layers, 3)))
+    found = ContourDeviations(
+        plan.top, np.zeros(plan.n_layers), np.zeros((plan.n_layers, 3)), np.zeros((0, 4))
+    )
     chosen = np.flatnonzero(bins.tops.is_contoured[paths.layer] & roles_with(is_part=True)[paths.role])
     chosen = np.flatnonzero(find_paths_near(paths, chosen, bins))
     promised = rule.bound_deviations(rule.find_max_slopes(plan.height))
@@ -128,8 +131,11 @@ def measure_deviations(
             errors.take(~is_larger).store(found)
             larger.append(errors.take(is_larger))
     triangles = part.triangles + np.array([0.0, 0.0, bins.tops.base])
-    _compare_with_facets(_Errors.joined(larger), triangles, rule).store(found)
-    return found
+    errors = _compare_with_facets(_Errors.joined(larger), triangles, rule)
+    errors.store(found)
+    errors = errors.take(errors.deviation > promised[errors.layer])
+    places = np.column_stack([plan.top[errors.layer], errors.low[:, :2], errors.deviation])
+    return replace(found, larger=places)
 
 
 def _compare_with_facets(errors: _Errors, triangles: Float, rule: ContourRule) -> _Errors:
@@ -215,8 +221,10 @@ def _compare_places(
     is_open = is_open_above(points, sections)
     some = np.flatnonzero(is_open & (facet >= 0))
     surface = bins.measure_heights(points.xy[some], facet[some])
-    # The section ends where the surface is half of the minimum height above the bottom.
-    beyond = np.maximum(points.bottom[some] + rule.min_height / 2 - surface, 0.0)
+    # The section ends where the surface is half of the minimum height above the bottom, or at the cut.
+    is_level = bins.tops.are_level(points.xy[some], layer[some], NARROW_REACH)
+    border = np.where(is_level, sections.plan.cut[layer[some]], points.bottom[some] + rule.min_height / 2)
+    beyond = np.maximum(border - surface, 0.0)
     place_on_section = place[some] - beyond[:, None] * [0.0, 0.0, 1.0]
     deviation = measure_distances_from_triangles(place_on_section, bins.tops.corners[facet[some]])
     yield _Errors(place_on_section, np.column_stack([points.xy[some], surface]), layer[some], deviation)

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from printer_slicer.arrays import Float
 from printer_slicer.contouring.z_profiles import Z_TOLERANCE
 from printer_slicer.model import ContourDeviations, ContourRule, LayerPlan, ObjectStack
+from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.profile import Profile, UniformPlanner
 from printer_slicer.surface import layer_bounds, read_surface
 from printer_slicer.values import replace
 
-__all__ = ["add_contour_rule", "find_inexact_tops", "join_contours", "level_layers", "make_contour_rule"]
+__all__ = [
+    "InexactLayers",
+    "add_contour_rule",
+    "find_inexact_layers",
+    "join_contours",
+    "level_layers",
+    "make_contour_rule",
+]
 
 _ROUNDING: Final = 1e-7  # mm
+_PLACE_SPACING: Final = 0.25  # mm; places that are closer together count once
 _HALF: Final = 0.5  # of a step of the z axis, to which z is rounded
 
 
@@ -56,20 +65,48 @@ def add_contour_rule(plan: LayerPlan, profile: Profile) -> LayerPlan:
     return replace(plan, contour_rule=make_contour_rule(profile)) if plan.containment == "mid" else plan
 
 
-def find_inexact_tops(stack: ObjectStack, tolerance: Float) -> tuple[list[float], list[float]]:
-    """Return the tops, mm, of the layers of a stack whose printed extrusions do not keep the tolerance (L,), mm.
+class InexactLayers(NamedTuple):
+    """What does not keep the tolerance of a plan, by how it can be mended.
 
-    Those that keep it with level tops come first, and those that are too thick even then.
+    Attributes:
+        places: layers that keep it if they are level around some places: tops, x and y, mm.
+        level: tops of the layers that keep it only if they are level everywhere, mm.
+        thick: tops of the layers that are too thick even then, mm.
     """
-    plan = stack.plan
-    if stack.contours is None or plan.contour_rule is None:
-        return [], []
-    beyond = stack.contours.deviation > tolerance + _ROUNDING
+
+    places: list[tuple[float, float, float]]
+    level: list[float]
+    thick: list[float]
+
+
+def find_inexact_layers(stack: ObjectStack, tolerance: Float) -> InexactLayers:
+    """Find the layers of a stack whose printed extrusions do not keep the tolerance (L,), mm.
+
+    A layer is made level around the places where it does not, and everywhere if that was not enough.
+    """
+    plan, rule, contours = stack.plan, stack.plan.contour_rule, stack.contours
+    if contours is None or rule is None:
+        return InexactLayers([], [], [])
+    beyond = contours.deviation > tolerance + _ROUNDING
     if not beyond.any():
-        return [], []
+        return InexactLayers([], [], [])
     level = layer_bounds(read_surface(stack.mesh), replace(plan, contour_rule=None)) <= tolerance + _ROUNDING
-    thick = beyond & ~level
-    return plan.top[beyond & level].tolist(), plan.top[thick].tolist()
+    partly = beyond & level & ~rule.find_partly_level(plan.top)
+    places = _list_places(contours, plan.top, np.where(partly, tolerance, np.inf))
+    partly &= np.isin(plan.top, [place[0] for place in places])
+    return InexactLayers(
+        places, plan.top[beyond & level & ~partly].tolist(), plan.top[beyond & ~level].tolist()
+    )
+
+
+def _list_places(
+    contours: ContourDeviations, top: Float, tolerance: Float
+) -> list[tuple[float, float, float]]:
+    """Return the places of layers with tops (L,), mm, where extrusions do not keep the tolerance (L,), mm."""
+    layer = np.searchsorted(contours.top, contours.larger[:, 0] - SAME_TOP)
+    some = contours.larger[:, 3] > tolerance[layer] + _ROUNDING
+    cell = np.round(contours.larger[some, 1:3] / _PLACE_SPACING) * _PLACE_SPACING
+    return sorted({(float(top[one]), *place) for one, place in zip(layer[some], cell.tolist(), strict=True)})
 
 
 def join_contours(stack: ObjectStack, objects: Sequence[ObjectStack]) -> ObjectStack:
@@ -82,12 +119,22 @@ def join_contours(stack: ObjectStack, objects: Sequence[ObjectStack]) -> ObjectS
     rules = [one.plan.contour_rule for one in objects]
     tops = sorted({top for rule in rules if rule for top in rule.level_tops})
     contours = ContourDeviations.find_worst([one.contours for one in objects])
-    return replace(stack, plan=level_layers(stack.plan, tops), contours=contours)
+    places = sorted({place for rule in rules if rule for place in rule.level_places})
+    return replace(stack, plan=level_layers(stack.plan, tops, places), contours=contours)
 
 
-def level_layers(plan: LayerPlan, tops: Sequence[float]) -> LayerPlan:
-    """Return a plan in which the layers with these tops, mm, are not contoured, nor those that were not before."""
+def level_layers(
+    plan: LayerPlan, tops: Sequence[float], places: Sequence[tuple[float, float, float]]
+) -> LayerPlan:
+    """Return a plan in which less is contoured than before.
+
+    Args:
+        plan: with the rule of contouring.
+        tops: of layers that are not contoured, mm.
+        places: tops of layers that are not contoured around a place, and x and y of the place, mm.
+    """
     rule = plan.contour_rule
-    if rule is None:
+    if rule is None or not (tops or places):
         return plan
-    return replace(plan, contour_rule=replace(rule, level_tops=(*rule.level_tops, *tops)))
+    rule = replace(rule, level_tops=(*rule.level_tops, *tops), level_places=(*rule.level_places, *places))
+    return replace(plan, contour_rule=rule)

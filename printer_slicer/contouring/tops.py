@@ -13,10 +13,14 @@ from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.surface.contoured_tops import select_shallow_facets
 from printer_slicer.values import Struct
 
-__all__ = ["BESIDE_RATIO", "Tops", "find_tops", "list_reached_layers"]
+__all__ = ["BESIDE_RATIO", "LEVEL_REACH", "NARROW_REACH", "Tops", "find_tops", "list_reached_layers"]
 
 BESIDE_RATIO: Final = 1.5
 """Beside followed surfaces may be surfaces up to this many times as steep."""
+LEVEL_REACH: Final = 0.6
+"""mm in x and y around a level place, where extrusions stay level."""
+NARROW_REACH: Final = 1.5
+"""mm in x and y around a level place, where sections are not widened: from there on, extrusions can be low again."""
 _ROUNDING: Final = 1e-6  # of tangents
 _MIN_REACH: Final = 0.005  # mm; a facet that reaches less far into a layer lies on its border
 
@@ -26,6 +30,7 @@ class Tops(Struct, frozen=True, eq=False):
 
     Attributes:
         plan: the layers.
+        rule: which slopes are followed, and where not.
         corners: (T, 3, 3) mm, counter-clockwise as seen from above, in the coordinates of the layers.
         slope: (T,) tangent of the angle between each facet and the horizontal.
         facet: (R,) a facet that reaches into a layer.
@@ -35,6 +40,7 @@ class Tops(Struct, frozen=True, eq=False):
     """
 
     plan: LayerPlan
+    rule: ContourRule
     corners: Float
     slope: Float
     facet: Int
@@ -48,6 +54,10 @@ class Tops(Struct, frozen=True, eq=False):
         result = np.zeros(self.plan.n_layers, np.bool_)
         result[self.layer[self.followed]] = True
         return result
+
+    def are_level(self, xy: Float, layer: Int, reach: float) -> Bool:
+        """Return which points (n, 2) of layers (n,) are at most `reach` mm in x and y from a level place there."""
+        return self.rule.are_beside_level_places(xy, self.plan.top[layer] - self.base, reach)
 
 
 def find_tops(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0) -> Tops | None:
@@ -68,7 +78,7 @@ def find_tops(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0)
     kept = ((plan.bottom > lift + SAME_TOP) & rule.find_contoured(plan.top - lift))[layer]
     reaching, layer = reaching[kept], layer[kept]
     followed = slope[reaching] <= steepest[layer] + _ROUNDING
-    return Tops(plan, corners, slope, reaching, layer, followed, lift) if followed.any() else None
+    return Tops(plan, rule, corners, slope, reaching, layer, followed, lift) if followed.any() else None
 
 
 def list_reached_layers(

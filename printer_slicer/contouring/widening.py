@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.contouring.tops import Tops, list_reached_layers
+from printer_slicer.contouring.tops import NARROW_REACH, Tops, list_reached_layers
 from printer_slicer.geometry import (
     Areas,
     close_gaps,
@@ -20,6 +20,7 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.slab_projection import project_pieces
 from printer_slicer.model import ContourRule
+from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
 
 __all__ = ["ReachedAreas", "find_reached_areas"]
@@ -76,11 +77,30 @@ def find_reached_areas(tops: Tops, rule: ContourRule) -> ReachedAreas:
     plan = tops.plan
     low = np.minimum(plan.bottom + rule.min_height / 2, plan.cut)
     facet, layer = tops.facet[tops.followed], tops.layer[tops.followed]
-    lower = normalize(project_pieces(tops.corners[facet], layer, low, plan.cut))
+    lower = _leave_out_level_places(
+        normalize(project_pieces(tops.corners[facet], layer, low, plan.cut)), tops
+    )
     flat = tops.slope[facet] * rule.width < _LEVEL_RISE
-    level = normalize(project_pieces(tops.corners[facet[flat]], layer[flat], low, plan.cut))
+    level = _leave_out_level_places(
+        normalize(project_pieces(tops.corners[facet[flat]], layer[flat], low, plan.cut)), tops
+    )
     around, layer = list_reached_layers(tops.corners, tops.slope, plan, rule, 1.0)
     used = lower.used[layer]
     high = plan.top + rule.width * rule.find_max_slopes(plan.height)
     surface = normalize(project_pieces(tops.corners[around[used]], layer[used], plan.bottom, high))
     return ReachedAreas(lower, level, surface, rule.width / 2)
+
+
+def _leave_out_level_places(areas: Areas, tops: Tops) -> Areas:
+    """Return areas without those around places where layers stay level."""
+    if not tops.rule.level_places:
+        return areas
+    place = np.array(sorted(tops.rule.level_places))
+    place[:, 0] += tops.base
+    layer = tops.plan.find_tops(place[:, 0])
+    known = np.append(tops.plan.top, np.inf)[layer] < place[:, 0] + SAME_TOP
+    layer, xy = layer[known], place[known, 1:]
+    corners = NARROW_REACH * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    squares = (xy[:, None] + corners).reshape(-1, 2)
+    start = 4 * np.arange(len(layer) + 1)
+    return difference(areas, normalize(Areas(squares, start, layer, areas.n_layers)))

@@ -47,6 +47,7 @@ class ContourRule(Struct, frozen=True):
         tolerance: largest difference of the z of the nozzle from the surface at the centre line, mm.
         nozzle_flat: diameter of the flat underside of the nozzle, mm.
         level_tops: tops of layers that stay level, mm.
+        level_places: tops of layers that stay level around a place, and x and y of the place, mm.
         slope_limit: tangent of the slope above which nothing is followed in any layer, because the deviation could
             exceed the tolerance of the plan.
     """
@@ -57,6 +58,7 @@ class ContourRule(Struct, frozen=True):
     tolerance: float
     nozzle_flat: float
     level_tops: tuple[float, ...] = ()
+    level_places: tuple[tuple[float, float, float], ...] = ()
     slope_limit: float = np.inf
 
     @property
@@ -74,6 +76,27 @@ class ContourRule(Struct, frozen=True):
         level = np.sort(np.asarray(self.level_tops, np.float64))
         first, end = (np.searchsorted(level, top + side * SAME_TOP) for side in (-1, 1))
         return np.asarray(first == end)
+
+    def find_partly_level(self, top: Float) -> Bool:
+        """Return which layers with tops (n,), mm, stay level around some places."""
+        level = np.sort(np.array([place[0] for place in self.level_places], np.float64))
+        first, end = (np.searchsorted(level, top + side * SAME_TOP) for side in (-1, 1))
+        return np.asarray(first < end)
+
+    def are_beside_level_places(self, xy: Float, top: Float, reach: float) -> Bool:
+        """Return which points are at most `reach` mm in x and y from a level place of their layer.
+
+        Args:
+            xy: (n, 2) mm.
+            top: (n,) mm, of the layer of each point.
+            reach: mm.
+        """
+        result = np.zeros(len(top), np.bool_)
+        some = np.flatnonzero(self.find_partly_level(top))
+        for level, *place in self.level_places if len(some) else ():
+            here = some[np.abs(top[some] - level) < SAME_TOP]
+            result[here] |= (np.abs(xy[here] - place) <= reach).all(axis=1)
+        return result
 
     def find_max_slopes(self, height: Float) -> Float:
         """Return the tangent (n,) of the steepest slope that is followed in layers of heights (n,), mm."""
@@ -208,16 +231,20 @@ class ContourDeviations(Struct, frozen=True, eq=False):
         top: (L,) z of the tops of all printed layers, mm.
         deviation: (L,) largest deviation in each of them, mm; 0 where nothing is contoured.
         place: (L, 3) mm, where it is.
+        larger: (K, 4) all places where it is larger than the rule promises: top of the layer, x, y and deviation, mm.
     """
 
     top: Float
     deviation: Float
     place: Float
+    larger: Float
 
     def select_layers(self, tops: Float) -> ContourDeviations:
         """Return those of the layers with these tops (n,), mm."""
         layers = np.searchsorted(self.top, tops - SAME_TOP)
-        return ContourDeviations(tops, self.deviation[layers], self.place[layers])
+        found = np.searchsorted(tops, self.larger[:, 0] - SAME_TOP)
+        known = np.append(tops, np.inf)[found] < self.larger[:, 0] + SAME_TOP
+        return ContourDeviations(tops, self.deviation[layers], self.place[layers], self.larger[known])
 
     @classmethod
     def find_worst(cls, made: Sequence[ContourDeviations | None]) -> ContourDeviations | None:
@@ -230,7 +257,8 @@ class ContourDeviations(Struct, frozen=True, eq=False):
         deviation, place = (
             np.array([getattr(one, name) for one in known]) for name in ("deviation", "place")
         )
-        return cls(known[0].top, deviation[worst, layer], place[worst, layer])
+        larger = np.concatenate([one.larger for one in known])
+        return cls(known[0].top, deviation[worst, layer], place[worst, layer], larger)
 
 
 class ObjectStack(Struct, frozen=True, eq=False):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from printer_slicer.arrays import Float
-from printer_slicer.contouring import find_inexact_tops, level_layers
+from printer_slicer.contouring import find_inexact_layers, level_layers
 from printer_slicer.model import LayerPlan, Mesh, ObjectStack
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.planning.z_steps import ZSteps, layer_tolerances
@@ -20,8 +20,8 @@ __all__ = ["change_inexact_layers", "divide_layers"]
 def change_inexact_layers(stacks: Sequence[ObjectStack], profile: Profile) -> list[ObjectStack] | None:
     """Return stacks without the layers that break the tolerance; None if there are none, or none that can be changed.
 
-    Layers that keep the tolerance with level tops get them. Thicker ones are divided, but not those of features, whose
-    plans share layers.
+    Layers that keep the tolerance with level tops get them, at first only around the places that break it. Thicker ones
+    are divided, but not those of features, whose plans share layers.
 
     Args:
         stacks: as they are printed.
@@ -35,11 +35,11 @@ def change_inexact_layers(stacks: Sequence[ObjectStack], profile: Profile) -> li
 def _change_stack(stack: ObjectStack, profile: Profile) -> ObjectStack:
     """Return a stack without the layers that break the tolerance; the same one if none can be changed."""
     plan = stack.plan
-    level, thick = find_inexact_tops(stack, layer_tolerances(profile, plan.bottom, plan.top))
+    places, level, thick = find_inexact_layers(stack, layer_tolerances(profile, plan.bottom, plan.top))
     if thick and stack.whole_plan is None:
         divided = divide_layers(plan, thick, stack.mesh, profile)
         plan = divided if divided.n_layers > plan.n_layers else plan
-    return replace(stack, plan=level_layers(plan, level) if level else plan)
+    return replace(stack, plan=level_layers(plan, level, places))
 
 
 def divide_layers(plan: LayerPlan, tops: Sequence[float], mesh: Mesh, profile: Profile) -> LayerPlan:

@@ -145,7 +145,8 @@ class ContouredLayers(Struct, frozen=True, eq=False):
         groups = ((np.flatnonzero(above & (slope == one)), facets.take_up_to(one)) for one in steepest)
         low, high = triangles[:, :, 2].min(axis=1), triangles[:, :, 2].max(axis=1)
         found = _find_largest(low, high, measure_slopes(triangles), plan.bottom, plan.top)
-        return cls(plan, rule, tuple(groups), above & (found <= slope + _ROUNDING))
+        only_followed = above & ~rule.find_partly_level(plan.top) & (found <= slope + _ROUNDING)
+        return cls(plan, rule, tuple(groups), only_followed)
 
     def bound_deviations(self) -> Float:
         """Return the deviation bounds (L,) of the contoured parts of layers, mm; 0 where nothing is contoured."""
