@@ -211,7 +211,7 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
         run = partial(slice_planned, report=report, strategies=strategies, keep=keep, trial=trial)
         return _slice_one_by_one(part, plan, profile, run)
     profile = apply_spiral_settings(profile)
-    made = _make_ordered_paths(part, plan, profile, report, strategies, keep=keep, trial=trial)
+    made = _make_ordered_paths(_Task(part, profile, report, strategies, keep, trial), plan)
     (solid, walls, regions, found, supports), profiles = made.stages, made.profiles
     toolpaths, printed, stacks = made.toolpaths, made.printed, made.stacks
     del made  # free memory: toolpaths are replaced
@@ -241,6 +241,17 @@ def slice_planned(  # noqa: PLR0913 - all options have defaults
     return Stages(part, solid, walls, regions, *made_later, supports, stacks=stacks)
 
 
+class _Task(NamedTuple):
+    """The arguments of `slice_planned` except for the plan, which may change."""
+
+    part: Mesh
+    profile: Profile
+    report: Report
+    strategies: Strategies
+    keep: bool
+    trial: bool
+
+
 class _OrderedPaths(NamedTuple):
     """The results of the stages up to the printing order.
 
@@ -259,53 +270,33 @@ class _OrderedPaths(NamedTuple):
     stacks: tuple[ObjectStack, ...]
 
 
-def _make_ordered_paths(  # noqa: PLR0913 - arguments of `slice_planned`
-    part: Mesh,
-    plan: Plans,
-    profile: Profile,
-    report: Report,
-    strategies: Strategies,
-    *,
-    keep: bool,
-    trial: bool,
-) -> _OrderedPaths:
+def _make_ordered_paths(task: _Task, plan: Plans) -> _OrderedPaths:
     """Run the stages up to the printing order.
 
     Where contoured tops break the tolerance of the planner, layers are changed, and their paths are made once more.
     """
-    run = partial(_make_paths_in_order, part, profile=profile, report=report, strategies=strategies)
-    if not profile.quality.z_contouring or isinstance(profile.quality.planner, UniformPlanner):
-        return run(plan, keep=keep, trial=trial)
+    quality = task.profile.quality
+    if not quality.z_contouring or isinstance(quality.planner, UniformPlanner):
+        return _make_paths_in_order(task, plan)
     from printer_slicer.perimeters.known_walls import KnownWalls  # noqa: PLC0415 - off by default
     from printer_slicer.planning.inexact_layers import change_inexact_layers  # noqa: PLC0415 - off by default
 
     known = KnownWalls()
     for _ in range(_MAX_CHANGES):
-        made = run(plan, keep=keep, trial=trial, known=known)
-        changed = change_inexact_layers(made.stacks, profile)
+        made = _make_paths_in_order(task, plan, known)
+        changed = change_inexact_layers(made.stacks, task.profile)
         if changed is None:
             return made
         plan = list_stack_plans(changed)
         del made  # free memory
-    return run(plan, keep=keep, trial=trial, known=known)
+    return _make_paths_in_order(task, plan, known)
 
 
-def _make_paths_in_order(  # noqa: PLR0913 - arguments of `slice_planned`
-    part: Mesh,
-    plan: Plans,
-    profile: Profile,
-    report: Report,
-    strategies: Strategies,
-    *,
-    keep: bool,
-    trial: bool,
-    known: KnownWalls | None = None,
-) -> _OrderedPaths:
+def _make_paths_in_order(task: _Task, plan: Plans, known: KnownWalls | None = None) -> _OrderedPaths:
     """Make the paths of a plan in printing order; `known` are the walls of a similar plan."""
-    made, paths, profiles = _make_paths(
-        part, plan, profile, report, strategies, keep=keep, trial=trial, known=known
-    )
-    report("ordering")
+    made, paths, profiles = _make_paths(task, plan, known)
+    part, profile = task.part, task.profile
+    task.report("ordering")
     solid, supports = made[0], made[-1]
     printed = _stand_on_raft(paths, (solid, supports), profile)
     toolpaths, contours = _order(paths, solid, printed, part, profile)
@@ -415,18 +406,11 @@ def _stand_on_raft(
     return printed
 
 
-def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
-    part: Mesh,
-    plan: Plans,
-    profile: Profile,
-    report: Report,
-    strategies: Strategies,
-    *,
-    keep: bool,
-    trial: bool,
-    known: KnownWalls | None,
+def _make_paths(
+    task: _Task, plan: Plans, known: KnownWalls | None
 ) -> tuple[_Stages, list[Toolpaths], list[Profile]]:
     """Run the stages up to the paths of all objects; return also the profiles to which the paths refer."""
+    part, profile, report = task.part, task.profile, task.report
     features = _list_feature_layers(plan)
     meshes, sections, own = _cut(part, plan, features, profile, report)
     report("perimeters")
@@ -440,20 +424,25 @@ def _make_paths(  # noqa: PLR0913 - arguments of `slice_planned`
     modifiers = _cut_modifiers(meshes, sections, profile, own)
     seen = 1 if features and not features[0].outline else len(meshes)  # the first has all features
     found = find_object_overhangs(
-        meshes[:seen], sections[:seen], regions[:seen], own[:seen], modifiers[:seen], only_supported=trial
+        meshes[:seen],
+        sections[:seen],
+        regions[:seen],
+        own[:seen],
+        modifiers[:seen],
+        only_supported=task.trial,
     )
     supports, support_paths = make_object_supports(found, sections, regions, report)
     regions, modified = _divide_by_modifiers(regions, sections, walls, modifiers)
     report("toolpaths")
     paths, profiles = make_object_paths(
-        part.name, (sections, walls, regions), own, profile, strategies.custom_infill, modified
+        part.name, (sections, walls, regions), own, profile, task.strategies.custom_infill, modified
     )
     if features:
         from printer_slicer.feature_layers import select_printed_layers  # noqa: PLC0415 - off by default
 
         sections, walls, regions, paths = select_printed_layers(features, (sections, walls, regions), paths)
     regions = [*regions, *(inside for several in modified for inside, _ in several)]
-    if not keep:
+    if not task.keep:
         walls = [one.without_paths() for one in walls]
         regions = [one.of_layers(np.zeros(one.plan.n_layers, np.bool_)) for one in regions]
     made = (
