@@ -27,6 +27,7 @@ _MIN_TURN: Final = 0.05  # radians, of a corner around which places are measured
 _FARTHEST: Final = (
     0.25  # mm from a followed surface to the side of an extrusion that is still lowered, at most
 )
+_SQUARE: Final = 0.5  # mm
 _NO_LENGTH: Final = 1e-12  # mm
 _FAN: Final = 0.3  # radians between two of them
 
@@ -81,22 +82,51 @@ class _Errors(Struct, frozen=True, eq=False):
         ranges = np.full(len(used), np.inf), np.full(len(used), -np.inf)
         np.minimum.at(ranges[0], layer, bottom)
         np.maximum.at(ranges[1], layer, top)
-        low, high = triangles[..., 2].min(axis=1), triangles[..., 2].max(axis=1)
-        first = np.searchsorted(np.maximum.accumulate(ranges[1]), low)
-        last = np.searchsorted(np.minimum.accumulate(ranges[0][::-1])[::-1], high, side="right")
+        low, high = _find_boxes(triangles)
+        chosen = np.flatnonzero(_are_near(low[:2], high[:2], self.low[:, :2], float(reach.max(initial=0.0))))
+        low, high = low[:, chosen], high[:, chosen]
+        first = np.searchsorted(np.maximum.accumulate(ranges[1]), low[2])
+        last = np.searchsorted(np.minimum.accumulate(ranges[0][::-1])[::-1], high[2], side="right")
         facet, place = expand_counts(np.maximum(last - first, 0))
-        flat = triangles[facet, :, :2]
-        boxes = Boxes(flat.min(axis=1), flat.max(axis=1), first[facet] + place)
+        boxes = Boxes(low[:2, facet].T, high[:2, facet].T, first[facet] + place)
         line, found = Boxes(self.low[:, :2], self.low[:, :2], layer).expand(reach).find_overlapping(boxes)
         facet = facet[found]
-        is_near = (low[facet] <= top[line]) & (high[facet] >= bottom[line])
-        return line[is_near], facet[is_near]
+        is_near = (low[2, facet] <= top[line]) & (high[2, facet] >= bottom[line])
+        return line[is_near], chosen[facet[is_near]]
 
     def store(self, found: ContourDeviations) -> None:
         """Store the largest deviation of each layer."""
         np.maximum.at(found.deviation, self.layer, self.deviation)
         worst = np.flatnonzero(self.deviation == found.deviation[self.layer])
         found.place[self.layer[worst]] = self.high[worst]
+
+
+def _find_boxes(triangles: Float) -> tuple[Float, Float]:
+    """Return the lower and upper corners (3, F) of the boxes around triangles (F, 3, 3)."""
+    one, two, three = np.ascontiguousarray(triangles.transpose(1, 2, 0))  # whole columns are faster
+    return np.minimum(np.minimum(one, two), three), np.maximum(np.maximum(one, two), three)
+
+
+def _are_near(low: Float, high: Float, points: Float, reach: float) -> Bool:
+    """Return which boxes with corners (2, F) may be within `reach` mm of points (m, 2).
+
+    Squares of a grid beside points are marked. A running sum of the marks tells which boxes reach any of these squares.
+    """
+    size = max(reach, _SQUARE)
+    origin = points.min(axis=0) - 2 * size
+    at = np.floor((points - origin) / size).astype(np.int64)
+    marks = np.zeros(at.max(axis=0) + 3, np.int64)
+    for x in (-1, 0, 1):
+        for y in (-1, 0, 1):
+            marks[at[:, 0] + x, at[:, 1] + y] = 1
+    total = np.pad(marks.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    left, right, front, back = (
+        np.clip((corner[axis] - origin[axis]) / size, 0, marks.shape[axis] - 1).astype(np.int64)
+        for axis in (0, 1)
+        for corner in (low, high)
+    )
+    right, back = right + 1, back + 1
+    return np.asarray(total[right, back] - total[left, back] - total[right, front] + total[left, front] > 0)
 
 
 def measure_deviations(
@@ -218,6 +248,8 @@ def _compare_places(
     # Beside the border of the section, extrusions may be wider than the surface within the layer.
     is_beside = (facet < 0) & (bins.measure_heights(points.xy, centre) < points.bottom)
     facet = np.where(is_beside, centre, facet)
+    known = np.flatnonzero((facet >= 0) | (place[:, 2] < points.top - _MIN_GAP))
+    place, layer, points, facet = place[known], layer[known], points.take(known), facet[known]
     is_open = is_open_above(points, sections)
     some = np.flatnonzero(is_open & (facet >= 0))
     surface = bins.measure_heights(points.xy[some], facet[some])
