@@ -14,6 +14,7 @@ from benchmarks.contour_bounds import sample_part
 from printer_slicer import bead, geometry
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.contouring import FacetBins, find_inexact_layers, find_tops, make_contour_rule
+from printer_slicer.contouring.deviations import SurfaceErrors
 from printer_slicer.contouring.fine_points import FinePoints
 from printer_slicer.contouring.surface_heights import LayerPoints
 from printer_slicer.contouring.z_profiles import (
@@ -28,6 +29,7 @@ from printer_slicer.extrusion import move_seconds
 from printer_slicer.facts.findings import list_slicing_warnings
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.geometry import contain_points, difference
+from printer_slicer.geometry.vectors import measure_distances_from_triangles
 from printer_slicer.model import LayerPlan, Mesh, Program, Toolpaths
 from printer_slicer.pipeline import slice_stages
 from printer_slicer.profile import Profile
@@ -358,6 +360,27 @@ def test_extrusions_under_the_next_layer_are_level(degrees: float) -> None:
 
     assert len(covered) > 1000
     assert (offset[covered] == 0).all()
+
+
+@given(seed=st.integers(0, 10_000), size=st.sampled_from([0.2, 2.0, 30.0]))
+def test_errors_are_compared_with_the_nearest_facet(seed: int, size: float) -> None:
+    random = np.random.default_rng(seed)
+    centre = random.uniform(-20, 20, (int(random.integers(1, 200)), 1, 3)) * [1, 1, 0.1]
+    facets = centre + random.normal(size=(len(centre), 3, 3)) * [size, size, size / 10]
+    low = random.uniform(-20, 20, (30, 3)) * [1, 1, 0.1]
+    high = low + [0, 0, 0.2] * random.uniform(-1, 1, (30, 1))
+    layer = np.floor((low[:, 2] + 2.5) / 0.3).astype(np.int64)
+    known = np.where(random.random(30) < 0.5, np.inf, random.uniform(0, 0.7, 30))
+
+    found = SurfaceErrors(low, high, layer, known).refine(facets, 0.7).deviation
+
+    for one in range(30):
+        ends = (np.repeat(end[one : one + 1], len(facets), axis=0) for end in (low, high))
+        nearest = np.maximum(*(measure_distances_from_triangles(end, facets) for end in ends)).min()
+        if nearest <= min(known[one], 0.7):
+            assert found[one] == pytest.approx(nearest, abs=1e-9)
+        else:
+            assert min(nearest, known[one], 0.7) - 1e-9 <= found[one] <= known[one]
 
 
 @pytest.mark.parametrize("degrees", [8.0, 12.0])
