@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer.arrays import Int
-from printer_slicer.geometry import Areas, intersection, normalize
+from printer_slicer.arrays import distinct, run_starts
+from printer_slicer.geometry import Areas, intersection, normalize, offset
+from printer_slicer.geometry.raster import CellGrid
 from printer_slicer.model import Overhangs, Toolpaths
 from printer_slicer.profile import Profile
-from printer_slicer.supports.branches import draw_discs
 from printer_slicer.supports.patches import join_patches
 from printer_slicer.supports.slopes import compute_steps
 from printer_slicer.supports.unsupported_places import UnsupportedPoints, find_unsupported_groups
@@ -19,9 +19,8 @@ from printer_slicer.values import replace
 __all__ = ["find_remaining_overhangs"]
 
 _LEAST: Final = 1.0  # mm² of a place; smaller ones stay as they are
-_BESIDE: Final = (
-    0.6  # mm around a place up to which the overhang counts, so that there is room for extrusions
-)
+_BESIDE: Final = 0.6  # mm around a place in which the overhang counts, so that extrusions have room
+_CELL: Final = 0.25  # mm; side of the cells in which points of places are drawn, wider than between points
 
 
 def find_remaining_overhangs(overhangs: Overhangs, paths: Toolpaths, profile: Profile) -> Overhangs:
@@ -42,10 +41,25 @@ def find_remaining_overhangs(overhangs: Overhangs, paths: Toolpaths, profile: Pr
 
 
 def _draw_places(groups: list[UnsupportedPoints], n_layers: int) -> Areas:
-    """Return the areas around the points of places, by layer."""
+    """Return the areas around the points of places, by layer.
+
+    Points lie so densely that an area around each of them would overlap dozens of others. So the rows of cells in which
+    points lie are drawn instead.
+    """
     if not groups:
         return Areas.empty(n_layers)
     xy = np.concatenate([one.xy for one in groups])
-    layer: Int = np.concatenate([one.layer for one in groups])
-    order = np.argsort(layer, kind="stable")
-    return normalize(draw_discs(xy[order], np.full(len(order), _BESIDE), layer[order], n_layers))
+    grid = CellGrid.around(xy.min(axis=0), xy.max(axis=0) + _CELL, _CELL)
+    cells = distinct(np.concatenate([one.layer for one in groups]) * grid.n_cells + grid.find_cells(xy))
+    layer, cell = np.divmod(cells, grid.n_cells)
+    begins = run_starts(cells - np.arange(len(cells))) | run_starts(cells // grid.n_columns)
+    first = np.flatnonzero(begins)
+    low = grid.find_middles(cell[first]) - _CELL / 2
+    high = grid.find_middles(cell[np.append(first[1:], len(cells)) - 1]) + _CELL / 2
+    corners = np.stack(
+        [low, np.column_stack([high[:, 0], low[:, 1]]), high, np.column_stack([low[:, 0], high[:, 1]])]
+    )
+    rows = Areas(
+        np.swapaxes(corners, 0, 1).reshape(-1, 2), 4 * np.arange(len(first) + 1), layer[first], n_layers
+    )
+    return offset(normalize(rows), _BESIDE)
