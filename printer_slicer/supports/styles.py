@@ -32,7 +32,11 @@ from printer_slicer.supports.stability import (
 from printer_slicer.supports.stacking import make_obstacles
 from printer_slicer.supports.support_layers import list_places_without_room
 from printer_slicer.supports.support_paths import make_support_paths
-from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
+from printer_slicer.supports.unsupported_places import (
+    UnsupportedReasons,
+    explain_no_way,
+    list_unsupported_places,
+)
 from printer_slicer.values import Struct, replace
 
 __all__ = ["STYLES", "GroupTimes", "PrintedSupports", "make_supports", "measure_path_volume"]
@@ -164,7 +168,8 @@ def _remove_unsupported(
 
     def compare(standing: StableSupports) -> PrintedSupports:
         """Return the supports that stand, with the unsupported places."""
-        reasons = UnsupportedReasons(known, standing.removed)
+        no_way = explain_no_way(on_bed_only=profile.quality.support_on_bed_only)
+        reasons = UnsupportedReasons(known, standing.removed, no_way)
         bare = list_unsupported_places(overhangs, standing.paths, sections, profile, reasons)
         return PrintedSupports(replace(standing.supports, unsupported=bare), standing.paths)
 

@@ -45,7 +45,7 @@ from printer_slicer.supports.tips import (
     list_strip_places,
 )
 from printer_slicer.supports.tree_settings import TreeSettings, read_tree_settings
-from printer_slicer.supports.unsupported_places import NO_WAY
+from printer_slicer.supports.unsupported_places import explain_no_way
 
 __all__ = ["grow_trees"]
 
@@ -202,11 +202,12 @@ def _plan_tips(
         if not new.count:
             break
     bare = choose_unreached_places(places, tips, starts.found)
-    return tips, starts, _describe_unreached(bare, tips.take(starts.found), strips, plan)
+    reason = explain_no_way(on_bed_only=settings.on_bed_only)
+    return tips, starts, _describe_unreached(bare, tips.take(starts.found), strips, plan, reason)
 
 
 def _describe_unreached(
-    bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan
+    bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan, reason: str
 ) -> tuple[UnsupportedPlace, ...]:
     """Return the places that no branch reaches.
 
@@ -215,10 +216,11 @@ def _describe_unreached(
         tips: those that branches reach.
         strips: areas under overhangs by layer of the part.
         plan: of the supports.
+        reason: why no branch reaches them.
     """
     area = _measure_unreached(bare, tips, strips, plan) if bare.count else np.zeros(0)
     rows = zip(bare.place.tolist(), area.tolist(), bare.island.tolist(), strict=True)
-    return tuple(UnsupportedPlace(x, y, z, size, NO_WAY, is_island) for (x, y, z), size, is_island in rows)
+    return tuple(UnsupportedPlace(x, y, z, size, reason, is_island) for (x, y, z), size, is_island in rows)
 
 
 def _measure_unreached(bare: Tips, tips: Tips, strips: Areas, plan: SupportPlan) -> Float:

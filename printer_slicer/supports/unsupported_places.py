@@ -19,9 +19,9 @@ from printer_slicer.supports.bead_samples import sample_beads
 from printer_slicer.values import Struct, replace
 
 __all__ = [
-    "NO_WAY",
     "UnsupportedPoints",
     "UnsupportedReasons",
+    "explain_no_way",
     "find_unsupported_groups",
     "leave_out_bed",
     "list_unsupported_places",
@@ -41,7 +41,13 @@ _NEAR: Final = 3.0  # mm from a place to one for which a reason is known
 _FARTHEST: Final = 50.0  # mm; larger distances are not told apart
 _ROUNDING: Final = 1e-6  # mm
 _NOTHING_BELOW: Final = "nothing below carries its support"
-NO_WAY: Final = "no support reaches this place without touching the part"
+_NO_WAY: Final = "no support reaches this place without touching the part"
+_NO_WAY_FROM_BED: Final = "no support reaches this place from the bed without touching the part"
+
+
+def explain_no_way(*, on_bed_only: bool) -> str:
+    """Return the reason for places that supports cannot reach, in words for supports that may only stand on the bed."""
+    return _NO_WAY_FROM_BED if on_bed_only else _NO_WAY
 
 
 class UnsupportedReasons(Struct, frozen=True, eq=False):
@@ -50,10 +56,12 @@ class UnsupportedReasons(Struct, frozen=True, eq=False):
     Attributes:
         places: places for which the style found no support.
         removed: (n, 3) places of beads that were removed because nothing was below them, mm.
+        otherwise: the reason for all other places.
     """
 
     places: tuple[UnsupportedPlace, ...]
     removed: Float
+    otherwise: str = _NO_WAY
 
     def choose(self, points: Float, z: float) -> str:
         """Return the reason for the place with these points (n, 2), mm, at the height z."""
@@ -68,7 +76,7 @@ class UnsupportedReasons(Struct, frozen=True, eq=False):
             away = _measure_to_sample(places[near, :2], points)
             if away.min() <= _NEAR:
                 return reasons[int(near[np.argmin(away)])]
-        return NO_WAY
+        return self.otherwise
 
 
 class _Beads(Struct, frozen=True, eq=False):

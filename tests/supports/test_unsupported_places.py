@@ -18,7 +18,7 @@ from printer_slicer.supports.support_layers import plan_support_layers
 from printer_slicer.supports.unsupported_places import UnsupportedReasons, list_unsupported_places
 from tests.parts import box, joined, prism
 from tests.supports.by_stages import prepared
-from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee
+from tests.supports.shapes import hook, mushroom, round_body, sphere_on_bed, tee, tub
 
 SHAPES = {"tee": tee, "hook": hook, "mushroom": mushroom, "sphere": sphere_on_bed}
 NOTHING = UnsupportedReasons((), np.zeros((0, 3)))
@@ -105,6 +105,15 @@ def test_places_over_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert {place.reason for place in bare} == {"its support would stand on the part"}
     assert sum(place.area for place in bare) == pytest.approx(26 * 30, rel=0.15)
+
+
+def test_places_that_trees_could_only_reach_from_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
+    bare, _ = bare_of(tub(), support="tree", support_on_bed_only=True)
+
+    assert {place.reason for place in bare} == {
+        "no support reaches this place from the bed without touching the part"
+    }
 
 
 def test_where_beads_were_taken_out_the_reason_is_that() -> None:
