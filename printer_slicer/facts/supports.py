@@ -41,9 +41,10 @@ def collect_support_facts(stages: Stages, profile: Profile) -> dict[str, Any] | 
     carries = _mark_supports(program)
     filament = float(program.filament[carries & (program.role != Role.TRAVEL)].sum())
     volume = filament * profile.material.filament_area
-    area = supports.area
+    area, style = supports.area, _name_style(supports, profile)
     return {
-        "style": _name_style(supports, profile),
+        "style": style,
+        "added_style": _find_added_style(style, profile),
         "layers": supports.plan.layers.n_layers,
         "filament_g": round(volume / 1000 * profile.material.density, 3),
         "seconds": round(float(move_seconds(program, profile)[carries].sum()), 3),
@@ -70,6 +71,13 @@ def _name_style(supports: Supports, profile: Profile) -> str:
     columns = supports.base.of_layers(np.arange(1, supports.base.n_layers)).area().sum()
     is_mixed = columns - supports.hollow.area().sum() > _MIN_COLUMN
     return "columns and tree" if is_mixed else "tree"
+
+
+def _find_added_style(style: str, profile: Profile) -> str | None:
+    """Return the style that supports places which those of the settings cannot; None if there is none."""
+    asked = list_support_styles(profile)
+    added = set() if "auto" in asked else {"columns", "tree"}.intersection(style.split(" and ")) - asked
+    return next(iter(added), None)
 
 
 def _mark_supports(program: Program) -> Bool:
@@ -144,7 +152,9 @@ def format_support_sentences(facts: dict[str, Any] | None) -> list[str]:
     on_part = (
         f"; {format_significant(facts['on_part_mm2'])} mm² stand on the part" if facts["on_part_mm2"] else ""
     )
+    added = {"tree": "; trees support what columns cannot", "columns": "; columns support what trees cannot"}
     amount = f"{format_significant(facts['filament_g'])} g, {format_duration(facts['seconds'])}{on_part}"
+    amount += added.get(facts["added_style"], "")
     lines = ["Supports: none can be printed" if name == "none" else f"Supports ({name}): {amount}"]
     for place in facts["unsupported_places"][:_MAX_PLACES]:
         what = "an island" if place["island"] else f"{format_significant(place['area_mm2'])} mm²"

@@ -63,7 +63,7 @@ _STYLES_OF_PLACES: Final = ("tree", "columns")  # of supports for places that ot
 
 _MIN_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
 _MAX_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
-_LEAST_UNSUPPORTED: Final = 1.0  # mm² without support, for which other supports are tried
+_LEAST_UNSUPPORTED: Final = 1.0  # mm² of a place without support, for which others are tried
 _PLACE_MINUTES: Final = (
     0.7  # for each mm² of a place that a style leaves unsupported, up to which others are added
 )
@@ -114,14 +114,18 @@ def _complete(made: Sequence[PrintedSupports], case: _Case, measure_times: Group
     """
     printed = _remove_unsupported(made, *case)
     for style in _STYLES_OF_PLACES:
-        if _measure_unsupported(printed) < _LEAST_UNSUPPORTED:
+        if not any(_is_worth_support(place) for place in printed.supports.unsupported):
             break
         own = drop_areas_without_beads(printed.supports, printed.paths)
         more = _support_places(style, replace(printed, supports=own), case, measure_times)
         if more is None:
             continue
         both = _remove_unsupported([PrintedSupports(own, printed.paths), more], *case)
-        if _measure_unsupported(both) < _measure_unsupported(printed) - _LEAST_UNSUPPORTED / 2:
+        gain = _LEAST_UNSUPPORTED / 2
+        if (_count_islands(both), _measure_unsupported(both) + gain) < (
+            _count_islands(printed),
+            _measure_unsupported(printed),
+        ):
             printed = both
     return printed
 
@@ -179,6 +183,16 @@ def _remove_unsupported(
         return upright
     leaning = lean_columns(standing, overhangs, sections, profile)
     return upright if leaning is standing else min(upright, compare(leaning), key=_measure_unsupported)
+
+
+def _is_worth_support(place: UnsupportedPlace) -> bool:
+    """Return whether other supports are tried for a place."""
+    return place.is_island or place.area >= _LEAST_UNSUPPORTED
+
+
+def _count_islands(made: PrintedSupports) -> int:
+    """Return the number of islands without support."""
+    return sum(place.is_island for place in made.supports.unsupported)
 
 
 def _measure_unsupported(made: PrintedSupports) -> float:

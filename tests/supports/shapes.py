@@ -23,6 +23,7 @@ __all__ = [
     "sphere_on_bed",
     "table",
     "tee",
+    "tip_over_a_ridge",
     "tub",
 ]
 
@@ -110,6 +111,17 @@ def tub() -> Mesh:
     ]
     floor, shelf = box((50.0, 50.0, 3.0), (-25.0, -25.0, 0.0)), box((20.0, 44.0, 3.0), (-23.0, -22.0, 20.0))
     return joined([*walls, floor, shelf], "tub")
+
+
+@cache
+def tip_over_a_ridge() -> Mesh:
+    """A cone that hangs over a ridge of 4 mm, so steep that columns below its tip find nothing to stand on."""
+    foot: Float = np.array([(-11.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-11.0, 2.0)])
+    top: Float = np.array([(-0.01, -2.0), (3.0, -2.0), (3.0, 2.0), (-0.01, 2.0)])
+    ridge = Mesh(loft([foot, top], [0.0, 30.0]), "ridge")
+    cone = round_body([(0.0, 0.0), (5.0, 8.0)], at=(-5.5, 0.0)).moved((0.0, 0.0, 35.0))
+    post, arm = box((4.0, 4.0, 46.0), (2.0, -2.0, 0.0)), box((13.5, 4.0, 3.0), (-7.5, -2.0, 42.5))
+    return joined([ridge, cone, post, arm], "tip over a ridge")
 
 
 _WALLS = [

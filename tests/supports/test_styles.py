@@ -26,7 +26,17 @@ from printer_slicer.travels import travel
 from printer_slicer.values import replace
 from tests.parts import box, joined
 from tests.supports.by_stages import prepared
-from tests.supports.shapes import bracket, hook, mushroom, shelf_and_arm, sphere_on_bed, table, tee, tub
+from tests.supports.shapes import (
+    bracket,
+    hook,
+    mushroom,
+    shelf_and_arm,
+    sphere_on_bed,
+    table,
+    tee,
+    tip_over_a_ridge,
+    tub,
+)
 
 PARTS = {
     "tee": tee,
@@ -100,6 +110,30 @@ def test_trees_support_what_columns_leave_unsupported(monkeypatch: pytest.Monkey
     assert sum(place.area for place in made.supports.unsupported) < 3
     assert made.supports.hollow.n_rings
     assert made.supports.area.area() == pytest.approx(normalize(made.supports.area).area(), abs=1e-3)
+
+
+def test_a_tiny_island_without_a_column_gets_a_branch(monkeypatch: pytest.MonkeyPatch) -> None:
+    overhangs, plan, sections, profile = prepared(tip_over_a_ridge(), support="columns")
+    case = overhangs, plan, sections, profile, measure_group_times
+
+    with monkeypatch.context() as only_columns:
+        only_columns.setattr(styles, "_STYLES_OF_PLACES", ())
+        alone = make_supports(*case).supports
+    completed = make_supports(*case).supports
+
+    assert [place.is_island and place.area < 0.2 for place in alone.unsupported] == [True]
+    assert completed.unsupported == ()
+    assert completed.hollow.n_rings
+
+
+def test_small_places_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    overhangs, plan, sections, profile = prepared(turned(tee(), (35.0, 14.0, 10.0)), support="columns")
+    monkeypatch.setattr(styles, "find_remaining_overhangs", lambda *_: pytest.fail("searched again"))
+
+    made = make_supports(overhangs, plan, sections, profile, measure_group_times)
+
+    small = [place.area for place in made.supports.unsupported]
+    assert sum(small) > 1 > max(small)
 
 
 def test_columns_support_what_trees_leave_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,6 +212,17 @@ def test_facts_name_both_styles() -> None:
         styles[name] = facts["style"]
 
     assert styles == {"shelf and arm": "columns and tree", "tee": "tree", "mushroom": "columns"}
+
+
+@pytest.mark.parametrize(("style", "added"), [("columns", "tree"), ("auto", None), ("tree", None)])
+def test_facts_name_the_added_style(style: str, added: str | None) -> None:
+    profile = load_profile(quality="standard", changes={"support": style, "infill_density": 0})
+
+    facts = collect_support_facts(slice_stages(tip_over_a_ridge(), profile), profile)
+
+    assert facts is not None
+    assert facts["added_style"] == added
+    assert ("trees support what columns cannot" in format_support_sentences(facts)[0]) == bool(added)
 
 
 @pytest.mark.parametrize("style", ["columns", "tree"])
