@@ -75,7 +75,7 @@ class Quality(PartQuality, frozen=True, forbid_unknown_fields=True, kw_only=True
         Literal["off", "auto", "columns", "tree"],
         make_meta(
             "supports under overhangs: off: none; auto: columns or trees, whichever costs less; columns: straight "
-            "down; tree: branches that merge",
+            "down; tree: branches that merge; places that one style leaves unsupported may get the other",
             own=ANYWHERE,
         ),
     ] = "off"
