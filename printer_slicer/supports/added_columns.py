@@ -34,7 +34,7 @@ _CELL: Final = 0.1  # mm, of the raster on which neighbours are sought
 _REACH_OF_WALLS: Final = (
     0.85  # widths from a bead to the edges of its column; of both walls, half must lie on a bead
 )
-_THINNEST: Final = 0.4  # widths; narrower rests of columns are left out
+_MIN_WIDTH: Final = 0.4  # widths; narrower rests of columns are left out
 _STEP: Final = 0.4  # widths by which columns beside steep slopes of the part move from layer to layer
 _CORNER: Final = 0.03  # mm by which stretches that are carried are simplified
 
@@ -141,7 +141,7 @@ def add_columns(
         column, beside = _lean(column, blocked.copy_layers(at), _STEP * usual if leans else 0.0, usual)
         leaning = union(leaning, beside) if beside.n_rings else leaning
         beads, passed = _divide_beads(own, leaning)
-        column = offset_open(difference(column, beads), _THINNEST * usual)
+        column = offset_open(difference(column, beads), _MIN_WIDTH * usual)
         replaced.append(intersection(offset(column, usual / 4), passed).on_layers(at, n_layers))
         areas.append(column.on_layers(at, n_layers))
         walls = _make_walls(column, usual, paths, layer)

@@ -24,7 +24,7 @@ __all__ = ["hatch_bases"]
 
 _SEAM: Final = 0.01  # mm; columns nearer than twice this overlap
 _EDGE: Final = 0.9  # mm from the edge of columns to their outermost rows
-_WIDEST: Final = 1.25  # times the usual distance, which rows may have so that there is one less
+_MAX_STRETCH: Final = 1.25  # times the usual distance, which rows may have so that there is one less
 _FIRST_LAYER_ROWS: Final = 2.0  # rows of the first layer for each row above
 
 
@@ -54,7 +54,7 @@ def _place_rows(low: Float, high: Float, spacing: float) -> tuple[Float, Float]:
     """Return the lowest row (G,) of columns from `low` to `high` (G,), and the distance (G,) between their rows, mm."""
     between = np.maximum(high - low - 2 * _EDGE, 0.0) / spacing
     fewer = np.floor(between)
-    count = np.where(between <= _WIDEST * fewer, fewer, np.ceil(between))
+    count = np.where(between <= _MAX_STRETCH * fewer, fewer, np.ceil(between))
     step = np.where(count > 0, between * spacing / np.maximum(count, 1), np.maximum(high - low, 1e-3))
     return np.where(count > 0, low + _EDGE, (low + high) / 2), step
 

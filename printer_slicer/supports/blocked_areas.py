@@ -11,7 +11,7 @@ from printer_slicer.model import Areas, LayerPlan, Sections, SupportPlan
 __all__ = ["find_blocked_areas", "find_gaps_above"]
 
 _ROUNDING = 1e-6  # mm
-_GENTLEST = 20.0  # degrees; on gentler upward slopes, beads have the part below them anyway
+_MIN_ANGLE_DEG = 20.0  # degrees; on gentler upward slopes, beads have the part below them anyway
 _TREAD_GAP = 0.5  # of the gap above the part, the least above treads
 
 
@@ -53,7 +53,7 @@ def _drop_treads(sections: Sections, highest: float) -> Areas:
     outside = difference(lower, upper)
     if not outside.n_rings:
         return solid
-    widest = np.diff(plan.cut, append=plan.cut[-1]) / np.tan(np.deg2rad(_GENTLEST))
+    widest = np.diff(plan.cut, append=plan.cut[-1]) / np.tan(np.deg2rad(_MIN_ANGLE_DEG))
     treads = intersection(outside, offset(upper.of_layers(outside.used), widest))
     return difference(lower, treads).merge(solid.of_layers(~differs))
 

@@ -24,7 +24,7 @@ __all__ = ["draw_branches", "draw_discs", "find_closed_discs", "find_second_loop
 
 _FEW_CORNERS, _MANY_CORNERS = 16, 32
 _FOOT_RATIO = 6.0  # heights of a branch; low ones need no wide foot
-_LONGEST_BRIDGE = 0.6  # mm of a loop that may be unsupported, measured between points of the outline
+_MAX_BRIDGE = 0.6  # mm of a loop that may be unsupported, measured between points of the outline
 _SHARP = np.deg2rad(30.0)  # at sharper corners the nozzle stops
 _THICK = 1.5  # mm; circles of a larger radius get many corners
 
@@ -105,7 +105,7 @@ def find_closed_discs(hollow: Areas, width: float) -> Areas:
     following = middle.following
     side = norm(middle.xy[following] - middle.xy) * (hanging & hanging[following])
     length = np.bincount(middle.point_ring, side, minlength=middle.n_rings)
-    over = np.flatnonzero(hanging & (length > _LONGEST_BRIDGE)[middle.point_ring])
+    over = np.flatnonzero(hanging & (length > _MAX_BRIDGE)[middle.point_ring])
     pieces = split_connected(hollow)
     ring = find_enclosing_rings(hollow, middle.xy[over], layer[over] - 1)
     return pieces.on_layers(hollow.n_layers, distinct(pieces.of_ring[ring[ring >= 0]]))

@@ -28,12 +28,14 @@ from printer_slicer.profile import Profile
 
 __all__ = ["find_bridged_areas"]
 
-_WALLS = 2.5  # extrusion widths beside bridge lines that their outermost ones carry
-_SHORT = 1.0  # extrusion widths by which a row may end before the support; its end extends into the wall
-_ALLOWED = 0.01  # mm by which spans may be longer, because areas are rounded
-_BEND = 1.01  # length of a perimeter over the distance of its ends; a longer one turns and hangs
-_FARTHEST = 1.0  # mm by which the part may recede below an end of a line
-_BESIDE = 1.0  # extrusion widths; strips of one slope in neighbouring layers are this close to each other
+_CARRIED_BESIDE = 2.5  # extrusion widths beside the outermost bridge line that need no supports
+_MAX_SHORTFALL = (
+    1.0  # extrusion widths by which a row may end before the part below; infill extends into the wall
+)
+_TOLERANCE = 0.01  # mm by which spans may exceed the maximum, because areas are rounded
+_MAX_BEND_RATIO = 1.01  # length of a perimeter divided by the distance of its ends; a curved perimeter sags
+_MAX_RECESS = 1.0  # mm; a larger distance by which the part recedes below the end of a line counts as this
+_STRIP_DISTANCE = 1.0  # extrusion widths, largest between strips of one slope in neighbouring layers
 
 
 def find_bridged_areas(air: Areas, below: Areas, solid: Areas, regions: Regions, profile: Profile) -> Areas:
@@ -68,11 +70,11 @@ def _cover_bridge_lines(air: Areas, below: Areas, regions: Regions, profile: Pro
     supported = count_supported_ends(spans, grid.clip_rows(pieces.select_nearby_rings(below))) == 2
     layer = pieces.layer[spans.layer]
     free = _measure_free_lengths(spans.length(), spans.ends, layer, below)
-    short = free <= profile.quality.support_max_bridge + _ALLOWED
-    covered = _are_covered(spans, rows, _SHORT * profile.extrusion_width)
+    short = free <= profile.quality.support_max_bridge + _TOLERANCE
+    covered = _are_covered(spans, rows, _MAX_SHORTFALL * profile.extrusion_width)
     held = spans.take(np.flatnonzero(supported & short & covered))
     area = unite_row_rectangles(held, held.u, angle=angle, half=gap / 2, n_layers=pieces.count)
-    area = offset(area, _WALLS * profile.extrusion_width)
+    area = offset(area, _CARRIED_BESIDE * profile.extrusion_width)
     return area.restacked(np.arange(area.n_rings), pieces.layer[area.ring_layer], air.n_layers)
 
 
@@ -99,9 +101,9 @@ def _cover_perimeters(air: Areas, below: Areas, solid: Areas, profile: Profile) 
     runs = Polylines.of(*outlines_within(offset(solid.of_layers(air.used), -width / 2), air))
     length, ends = runs.length(), np.stack([runs.xy[runs.start[:-1]], runs.xy[runs.start[1:] - 1]])
     way = ends[1] - ends[0]
-    chord = np.maximum(np.hypot(*way.T), _ALLOWED)
+    chord = np.maximum(np.hypot(*way.T), _TOLERANCE)
     free = _measure_free_lengths(length, np.swapaxes(ends, 0, 1), runs.layer, below)
-    straight = (length <= _BEND * chord) & (free <= profile.quality.support_max_bridge + _ALLOWED)
+    straight = (length <= _MAX_BEND_RATIO * chord) & (free <= profile.quality.support_max_bridge + _TOLERANCE)
     beyond = width * way / chord[:, None]
     held = [depths(below, points, runs.layer, width) > 0 for points in (ends[0] - beyond, ends[1] + beyond)]
     held_runs = runs.take(np.flatnonzero(straight & held[0] & held[1]))
@@ -111,10 +113,10 @@ def _cover_perimeters(air: Areas, below: Areas, solid: Areas, profile: Profile) 
 
 
 def _measure_free_lengths(length: Float, ends: Float, layer: Int, below: Areas) -> Float:
-    """Return how far (n,) the part is apart below lines, mm.
+    """Return the free length (n,) of lines between the parts of the model below their ends, mm.
 
-    Sections are cut within each layer. Between the cuts, walls that lean towards each other are farther apart than at
-    the upper one, by up to what they recede to the section before.
+    Sections are cut within each layer. Walls that lean towards each other are farther apart below the upper
+    cut, by up to the distance that they recede to the lower cut. That distance is added at each end.
 
     Args:
         length: (n,) of the lines between the sections below, mm.
@@ -125,12 +127,12 @@ def _measure_free_lengths(length: Float, ends: Float, layer: Int, below: Areas) 
     lower = below.shift_layers(1)
     free = length.copy()
     for end in (0, 1):
-        away = -depths(lower, ends[:, end], layer, _FARTHEST)
+        away = -depths(lower, ends[:, end], layer, _MAX_RECESS)
         far = np.flatnonzero(np.isnan(away) & (layer > 1))
         far = far[np.argsort(layer[far], kind="stable")]
         far = far[~contain_points(lower, ends[far, end], layer[far])]
         free += np.maximum(np.nan_to_num(away), 0.0)
-        free[far] += _FARTHEST
+        free[far] += _MAX_RECESS
     return free
 
 
@@ -144,6 +146,6 @@ def _follow_slopes(runs: Polylines, air: Areas, width: float) -> Bool:
         return np.zeros(0, np.bool_)
     first, last = runs.start[:-1], runs.start[1:] - 1
     middle = (runs.xy[(first + last) // 2] + runs.xy[(first + last + 1) // 2]) / 2
-    reach = _BESIDE * width
+    reach = _STRIP_DISTANCE * width
     beside = [depths(air.shift_layers(rise), middle, runs.layer, reach) > -reach for rise in (1, -1)]
     return np.asarray(beside[0] | beside[1])

@@ -16,7 +16,7 @@ from printer_slicer.values import replace
 
 __all__ = ["replace_bridges_on_supports"]
 
-_LEAST: Final = 1.0  # mm² of a bridge over supports; less is their edge
+_MIN_AREA: Final = 1.0  # mm² of a bridge over supports; less is their edge
 
 
 def replace_bridges_on_supports(regions: Regions, carried: Areas) -> Regions:
@@ -29,7 +29,7 @@ def replace_bridges_on_supports(regions: Regions, carried: Areas) -> Regions:
     pieces = split_connected(regions.bridge)
     if not pieces.count:
         return regions
-    over = intersection(pieces.areas, pieces.select_nearby_rings(carried)).area() > _LEAST
+    over = intersection(pieces.areas, pieces.select_nearby_rings(carried)).area() > _MIN_AREA
     if not over.any():
         return regions
     rests = np.append(over, False)[pieces.of_ring]

@@ -39,10 +39,10 @@ _SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed where a 
 _RESOLUTION: Final = 0.05  # mm of outlines
 _SEEN_SMOOTHING: Final = 1.0  # mm; narrower bays than twice this are closed in the outline seen from above
 _STRAIGHTENING: Final = 0.15  # mm; less than half an extrusion, so that extrusions lie on each other
-_LARGEST_STEP: Final = 0.35  # mm of an outline from strip to strip below a slope; larger ones stay
+_MAX_STEP: Final = 0.35  # mm of an outline from strip to strip below a slope; larger ones stay
 _SLIVER: Final = 0.15  # mm; strips narrower than twice this are dropped
-_SLIMMEST: Final = 10.0  # height by width of a column that need not become wider
-_WIDE: Final = 5.0  # mm; wider columns need not become wider
+_MAX_SLIMNESS: Final = 10.0  # height by width of a column that need not become wider
+_WIDE_ENOUGH: Final = 5.0  # mm; wider columns need not become wider
 _WIDENING: Final = tan(radians(5.0))  # mm per mm of height
 _WIDENING_STEP: Final = 2.0  # mm of height after which a column becomes wider
 _NARROW_DEPTH: Final = 0.55  # mm below the contact of a strip, down to which it may become wide enough
@@ -200,7 +200,7 @@ def _find_straight_outline(contacts: Areas) -> Areas:
     """Return the outline of all contacts, seen from above, without the steps between the strips below a slope."""
     seen = unite_layers(contacts)
     closed = close_gaps(seen, _SEEN_SMOOTHING)
-    return normalize(simplify(closed, _LARGEST_STEP))
+    return normalize(simplify(closed, _MAX_STEP))
 
 
 def _straighten(columns: Areas, outline: Areas, blocked: Areas) -> Areas:
@@ -209,7 +209,7 @@ def _straighten(columns: Areas, outline: Areas, blocked: Areas) -> Areas:
     Strips below a slope end at slightly different places, so the outline of many of them has teeth. The nozzle would
     stop at each of them.
     """
-    straight = intersection(offset(columns, _LARGEST_STEP), outline)
+    straight = intersection(offset(columns, _MAX_STEP), outline)
     closed = close_gaps(straight, _SEEN_SMOOTHING)
     return offset_open(difference(simplify(closed, _STRAIGHTENING), blocked), _SLIVER)
 
@@ -220,7 +220,7 @@ def _widen_slim_columns(column: _Column, z: float) -> bool:
         return False
     step, column.z = column.z - z, z
     pieces = split_connected(column.area)
-    slim = ~fits_circle(pieces.areas, min(z / _SLIMMEST, _WIDE) / 2)
+    slim = ~fits_circle(pieces.areas, min(z / _MAX_SLIMNESS, _WIDE_ENOUGH) / 2)
     if not slim.any():
         return False
     wider = offset(pieces.on_layers(1, np.flatnonzero(slim)), step * _WIDENING)

@@ -20,7 +20,7 @@ from printer_slicer.supports.unsupported_places import UnsupportedPoints, find_u
 
 __all__ = ["add_edge_rows"]
 
-_LEAST: Final = 1.0  # mm² of an unsupported place that gets a row
+_MIN_AREA: Final = 1.0  # mm² of an unsupported place that gets a row
 _ASIDE: Final = (
     0.0,
     0.4,
@@ -32,7 +32,7 @@ _ASIDE: Final = (
 )  # mm from the middle of an unsupported place to its row
 _LONGER_BY: Final = 1.2  # times the length in all layers near the place, by which another row is better
 _BELOW: Final = 0.5  # mm below the lowest contact, where a row is near enough
-_SHORTEST: Final = 2.0  # widths; shorter rows are left out
+_MIN_LENGTH: Final = 2.0  # widths; shorter rows are left out
 _FAR: Final = 1e4  # mm between the rows of a hatch, so that it has only one
 
 
@@ -45,13 +45,15 @@ def add_edge_rows(supports: Supports, paths: Toolpaths, overhangs: Overhangs, pr
         overhangs: for which they were made.
         profile: gaps and extrusion widths.
     """
-    groups = [one for one in find_unsupported_groups(overhangs, paths, profile) if one.area.sum() >= _LEAST]
+    groups = [
+        one for one in find_unsupported_groups(overhangs, paths, profile) if one.area.sum() >= _MIN_AREA
+    ]
     if not groups or not supports.base.n_rings:
         return paths
     layers = supports.plan.layers
     width = compute_line_widths(layers, profile)
     room = offset(supports.base, -width / 2)
-    rows = [_make_row(group, room, supports, _SHORTEST * float(width[-1])) for group in groups]
+    rows = [_make_row(group, room, supports, _MIN_LENGTH * float(width[-1])) for group in groups]
     ends, layer = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     order = np.argsort(layer, kind="stable")
     made = Toolpaths.gathered(

@@ -14,9 +14,9 @@ from printer_slicer.values import Struct
 
 __all__ = ["Grip", "SlimPiece", "find_grips", "find_slim_pieces"]
 
-_SLIMMEST: Final = 15.0  # height by the square root of the area on the bed
-_LOWEST: Final = 3.0  # mm; lower pieces hardly fall over
-_SAME: Final = 1e-6  # mm
+_MAX_SLIMNESS: Final = 15.0  # height by the square root of the area on the bed
+_MIN_HEIGHT: Final = 3.0  # mm; lower pieces hardly fall over
+_ROUNDING: Final = 1e-6  # mm
 
 
 class Grip(Struct, frozen=True):
@@ -64,7 +64,7 @@ def find_grips(supports: Supports, sections: Sections) -> tuple[Grip, ...]:
     holes = base.select(base.ring_area() < 0)
     used = np.flatnonzero(holes.used)
     middle = (layers.bottom + layers.top)[used] / 2
-    part = np.searchsorted(sections.plan.top, middle - _SAME)
+    part = np.searchsorted(sections.plan.top, middle - _ROUNDING)
     used, part = used[part < sections.plan.n_layers], part[part < sections.plan.n_layers]
     solid = sections.solid.copy_layers(part)
     outer = np.flatnonzero(solid.ring_area() > 0)
@@ -123,7 +123,7 @@ def find_slim_pieces(supports: Supports) -> tuple[SlimPiece, ...]:
         np.maximum(feet.areas.area(), 0.0),
         feet.areas.boxes(),
     )  # rests of outlines may turn inward
-    slim = np.flatnonzero((height > _LOWEST) & (height > _SLIMMEST * np.sqrt(area)) & (area > 0))
+    slim = np.flatnonzero((height > _MIN_HEIGHT) & (height > _MAX_SLIMNESS * np.sqrt(area)) & (area > 0))
     middle = (low + high) / 2
     return tuple(
         SlimPiece(float(middle[i, 0]), float(middle[i, 1]), float(height[i]), float(area[i])) for i in slim
@@ -139,5 +139,5 @@ def _find_branch_tops(branches: Float) -> tuple[Float, Float]:
     tree = label_components(np.stack([node[:n], node[n:]]), int(node.max()) + 1)[node[:n]]
     top = np.zeros(int(tree.max()) + 1)
     np.maximum.at(top, tree, branches[:, 4])
-    on_bed = np.flatnonzero(branches[:, 0] <= _SAME)
+    on_bed = np.flatnonzero(branches[:, 0] <= _ROUNDING)
     return branches[on_bed, 1:3], top[tree[on_bed]]

@@ -10,7 +10,7 @@ from printer_slicer.geometry import Areas, difference, intersection, offset, off
 
 __all__ = ["divide_columns"]
 
-_NARROWEST: Final = 1.4  # mm; in narrower strips, as under slopes, lines of closed layers would be too short
+_MIN_WIDTH: Final = 1.4  # mm; in narrower strips, as under slopes, lines of closed layers would be too short
 
 _BEYOND_GROUND: Final = 0.2  # mm; the outermost line of a floor has half its width over the part
 
@@ -32,8 +32,8 @@ def divide_columns(
     below = contacts
     for step in range(1, n_interface):
         below = union(below, contacts.shift_layers(-step))
-    interface = offset_open(intersection(below, columns), _NARROWEST / 2)
+    interface = offset_open(intersection(below, columns), _MIN_WIDTH / 2)
     above_bed = columns.of_layers(np.arange(1, columns.n_layers))
     landing = difference(difference(above_bed, columns.shift_layers(1)), interface)
-    floor = offset_open(intersection(landing, offset(ground, _BEYOND_GROUND)), _NARROWEST / 2)
+    floor = offset_open(intersection(landing, offset(ground, _BEYOND_GROUND)), _MIN_WIDTH / 2)
     return difference(difference(columns, interface), floor), interface, floor

@@ -21,9 +21,9 @@ from printer_slicer.supports.pieces import EDGE, find_overlaps
 
 __all__ = ["find_islands"]
 
-_ATTACHED = 0.1  # share of a piece that lies over the part below; tails have less
+_MIN_ATTACHED = 0.1  # share of a piece that lies over the part below; tails have less
 _AT_ONCE = 8  # layers through which bodies are followed at once
-_LARGEST_TAIL = 100  # squared extrusion widths; more than a tail cannot hang unnoticed
+_MAX_TAIL_AREA = 100  # squared extrusion widths; more than a tail cannot hang unnoticed
 
 
 def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: float) -> Areas:
@@ -39,14 +39,14 @@ def find_islands(solid: Areas, below: Areas, air: Areas, around: Areas, width: f
         width: mm, extrusion width; a tail is attached to the part below by less than two of them.
     """
     all_pieces = split_connected(solid.of_layers(air.used))
-    chosen = np.flatnonzero(air.area()[all_pieces.layer] >= (1 - _ATTACHED) * all_pieces.areas.area())
+    chosen = np.flatnonzero(air.area()[all_pieces.layer] >= (1 - _MIN_ATTACHED) * all_pieces.areas.area())
     pieces = all_pieces.take(chosen)
     pieces = pieces.take(np.flatnonzero(difference(pieces.areas, pieces.select_nearby_rings(around)).used))
     rest = intersection(pieces.areas, pieces.select_nearby_rings(below))
     shared, size = rest.area(), pieces.areas.area()
     begins = shared <= EDGE * pieces.areas.length()
-    slim = ~fits_circle(rest, width) & (size <= _LARGEST_TAIL * width**2)
-    tails = ~begins & slim & (shared < _ATTACHED * size)
+    slim = ~fits_circle(rest, width) & (size <= _MAX_TAIL_AREA * width**2)
+    tails = ~begins & slim & (shared < _MIN_ATTACHED * size)
     if tails.any() and begins.any():
         tails &= ~_find_carried(solid, pieces, begins)
     islands = pieces.on_layers(solid.n_layers, np.flatnonzero(begins | tails))

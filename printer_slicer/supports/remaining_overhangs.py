@@ -1,4 +1,4 @@
-"""Find what other supports leave without support, so that it can get supports of its own."""
+"""Find the overhangs that supports of one style leave unsupported, so that the other style can support them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,17 @@ from printer_slicer.values import replace
 
 __all__ = ["find_remaining_overhangs"]
 
-_LEAST: Final = 1.0  # mm² of a place; smaller ones stay as they are
-_BESIDE: Final = 0.6  # mm around a place in which the overhang counts, so that extrusions have room
-_CELL: Final = 0.25  # mm; side of the cells in which points of places are drawn, wider than between points
+_MIN_AREA: Final = 1.0  # mm² of a place; smaller ones stay unsupported
+_MARGIN: Final = (
+    0.6  # mm around a place in which the overhang is supported, too, so that extrusions have room
+)
+_CELL: Final = (
+    0.25  # mm; side of the cells by which places are drawn, more than the distance between their points
+)
 
 
 def find_remaining_overhangs(overhangs: Overhangs, paths: Toolpaths, profile: Profile) -> Overhangs:
-    """Return the overhangs around places that have no bead near them, and islands without one.
+    """Return the overhangs that have no bead near them, with a margin, and the islands without one.
 
     Args:
         overhangs: areas that need supports.
@@ -32,7 +36,7 @@ def find_remaining_overhangs(overhangs: Overhangs, paths: Toolpaths, profile: Pr
         profile: gaps of supports, and the smallest patches.
     """
     groups = find_unsupported_groups(overhangs, paths, profile, with_islands=True)
-    large = [one for one in groups if one.island.any() or one.area.sum() >= _LEAST]
+    large = [one for one in groups if one.island.any() or one.area.sum() >= _MIN_AREA]
     near = _draw_places(large, overhangs.plan.n_layers)
     area, islands = intersection(overhangs.area, near), intersection(overhangs.islands, near)
     step = compute_steps(overhangs.plan, profile.quality.support_threshold_deg)
@@ -62,4 +66,4 @@ def _draw_places(groups: list[UnsupportedPoints], n_layers: int) -> Areas:
     rows = Areas(
         np.swapaxes(corners, 0, 1).reshape(-1, 2), 4 * np.arange(len(first) + 1), layer[first], n_layers
     )
-    return offset(normalize(rows), _BESIDE)
+    return offset(normalize(rows), _MARGIN)

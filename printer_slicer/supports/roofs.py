@@ -31,9 +31,9 @@ __all__ = [
     "place_joists",
 ]
 
-_NARROWEST_ROOF = 2.0  # mm
+_MIN_ROOF_WIDTH = 2.0  # mm
 _DIRECTIONS = np.deg2rad(np.arange(0, 180, 5))
-_THINNEST = 0.4  # extrusion widths; narrower rests of roofs are left out
+_MIN_WIDTH = 0.4  # extrusion widths; narrower rests of roofs are left out
 _MIN_CARRIED = 0.15  # of a piece of roof
 _LAPPING = 0.1  # mm by which the roof reaches beyond the middle between two joists
 
@@ -104,7 +104,7 @@ def find_wide_contacts(contacts: Areas, carrier: Int, n_layers: int) -> Areas:
         carrier: (L,) support layer of the contacts of each layer.
         n_layers: number of support layers.
     """
-    wide = offset_open(contacts, _NARROWEST_ROOF / 2)
+    wide = offset_open(contacts, _MIN_ROOF_WIDTH / 2)
     layer = carrier[wide.ring_layer]
     order = np.argsort(layer, kind="stable")
     return normalize(wide.restacked(order, layer[order], n_layers))
@@ -205,7 +205,7 @@ def build_roofs(contacts: Areas, joists: Joists, blocked: Areas, settings: TreeS
     near = normalize(_draw_rectangles(ends, settings.width / 2 + _LAPPING, reach, layer, n))
     on_bed = contacts.of_layers(np.arange(min(n_closed, n)))
     carried = intersection(contacts, near).of_layers(np.arange(n_closed, n)).merge(on_bed)
-    roof = offset_open(_stack_roofs(carried, blocked, n_closed), _THINNEST * settings.width)
+    roof = offset_open(_stack_roofs(carried, blocked, n_closed), _MIN_WIDTH * settings.width)
     above_bed = layer >= n_closed
     ends, layer = ends[above_bed], layer[above_bed]
     half = np.full(len(layer), settings.width / 2)

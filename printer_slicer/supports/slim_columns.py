@@ -28,8 +28,8 @@ __all__ = ["find_slim_columns"]
 _SLIM_RATIO: Final = 2.0  # row spacings; wider columns have enough lines
 _SMOOTHING: Final = 0.5  # mm; narrower bays than twice this are closed
 _RESOLUTION: Final = 0.05  # mm of outlines
-_LONGEST_HANGING: Final = 1.5  # mm of a loop without another one below
-_MAX_HANGING: Final = 0.2  # of the loops of a piece; more may hang than of a short loop
+_MAX_UNSUPPORTED: Final = 1.5  # mm of a loop without another one below
+_MAX_UNSUPPORTED_SHARE: Final = 0.2  # of the loops of a piece; more may hang than of a short loop
 _SLIM_HEIGHT: Final = 2.0  # mm; a strip at the top of a wider column is not a slim column
 
 
@@ -76,7 +76,7 @@ def _drop_unsupported(slim: Areas, base: Areas, width: Float) -> Areas:
         away = np.abs(depths(below, point[own], layer[own], reach))
         far = ~(away <= width[layer[own]] / 2)
         hanging = np.bincount(loops.point_layer[own], length[own] * far, pieces.count)
-        lost = kept & (hanging > np.maximum(_LONGEST_HANGING, _MAX_HANGING * whole))
+        lost = kept & (hanging > np.maximum(_MAX_UNSUPPORTED, _MAX_UNSUPPORTED_SHARE * whole))
         if not lost.any():
             break
         # What lay on these pieces hangs, too.

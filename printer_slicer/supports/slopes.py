@@ -14,13 +14,13 @@ from printer_slicer.model import LayerPlan
 
 __all__ = ["compute_steps", "find_strips", "grow_by_step", "limit_threshold"]
 
-_FLATTEST = 5.0  # degrees; flatter surfaces always hang, because steps must stay finite
+_MIN_ANGLE_DEG = 5.0  # degrees; flatter surfaces always hang, because steps must stay finite
 _SLACK = 1e-3  # mm; more than the rounding of areas
 
 
 def limit_threshold(threshold_deg: float) -> float:
     """Return the angle from the horizontal below which surfaces are overhangs, degrees: the setting, at least 5."""
-    return max(threshold_deg, _FLATTEST)
+    return max(threshold_deg, _MIN_ANGLE_DEG)
 
 
 def compute_steps(plan: LayerPlan, threshold_deg: float) -> Float:

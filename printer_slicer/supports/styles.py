@@ -59,17 +59,15 @@ STYLES: Final[dict[str, Style]] = {"columns": make_columns, "tree": _grow_trees}
 
 _Case = tuple[Overhangs, SupportPlan, Sections, Profile]
 
-_STYLES_OF_PLACES: Final = ("tree", "columns")  # of supports for places that others leave unsupported
+_ADDED_STYLES: Final = ("tree", "columns")  # tried in this order for places that others leave unsupported
 
 _MIN_GAIN: Final = 0.02  # of the cost, for which it is worth making supports again
 _MAX_DIVISIONS: Final = 2  # of the groups into those with columns and with trees that are tried
-_LEAST_UNSUPPORTED: Final = 1.0  # mm² of a place without support, for which others are tried
-_PLACE_MINUTES: Final = (
-    0.7  # for each mm² of a place that a style leaves unsupported, up to which others are added
-)
-_BARE_MINUTES: Final = 2.0  # that a place without support costs
-_BARE_AREA: Final = 6.0  # mm² of a place without support
-_ISLAND_MINUTES: Final = 100.0  # that an island without support costs
+_MIN_UNSUPPORTED_AREA: Final = 1.0  # mm² of a place for which other supports are tried
+_MAX_ADDED_MINUTES: Final = 0.7  # for each mm² of an unsupported place; dearer supports are not added
+_UNSUPPORTED_MINUTES: Final = 2.0  # cost of an unsupported place of this area, and of each smaller one
+_UNSUPPORTED_AREA: Final = 6.0  # mm²
+_ISLAND_MINUTES: Final = 100.0  # cost of an unsupported island
 
 
 class PrintedSupports(Struct, frozen=True, eq=False):
@@ -107,13 +105,13 @@ def make_supports(
 
 
 def _complete(made: Sequence[PrintedSupports], case: _Case, measure_times: GroupTimes) -> PrintedSupports:
-    """Return all supports that stand, with others for the places that they leave unsupported.
+    """Return the supports that stand, and others for the places that these leave unsupported.
 
-    Branches reach places where no column stands, and columns stand where branches have no way. Places that would cost
-    more than they are worth stay unsupported.
+    Branches reach some places where no column can stand, and columns some that no branch can reach. Places whose
+    supports would cost too much stay unsupported.
     """
     printed = _remove_unsupported(made, *case)
-    for style in _STYLES_OF_PLACES:
+    for style in _ADDED_STYLES:
         if not any(_is_worth_support(place) for place in printed.supports.unsupported):
             break
         own = drop_areas_without_beads(printed.supports, printed.paths)
@@ -121,7 +119,7 @@ def _complete(made: Sequence[PrintedSupports], case: _Case, measure_times: Group
         if more is None:
             continue
         both = _remove_unsupported([PrintedSupports(own, printed.paths), more], *case)
-        gain = _LEAST_UNSUPPORTED / 2
+        gain = _MIN_UNSUPPORTED_AREA / 2
         if (_count_islands(both), _measure_unsupported(both) + gain) < (
             _count_islands(printed),
             _measure_unsupported(printed),
@@ -133,7 +131,7 @@ def _complete(made: Sequence[PrintedSupports], case: _Case, measure_times: Group
 def _support_places(
     style: str, printed: PrintedSupports, case: _Case, measure_times: GroupTimes
 ) -> PrintedSupports | None:
-    """Return supports of a style, beside others, for places that those leave unsupported; None if none is worth it."""
+    """Return supports of a style for the places that others leave unsupported; None if they cost too much."""
     overhangs, plan, sections, profile = case
     rest = find_remaining_overhangs(overhangs, printed.paths, profile)
     beside = fill_layers([sections, make_obstacles(printed.supports)])
@@ -149,9 +147,9 @@ def _support_places(
 
 
 def _rate_places(places: Sequence[UnsupportedPlace], groups: PatchGroups) -> Float:
-    """Return how long (G,) it may take to support the places in each group, min."""
+    """Return the highest acceptable cost (G,) of supports for the places in each group, min."""
     at = groups.find(np.array([(place.x, place.y) for place in places]).reshape(-1, 2))
-    worth = [_ISLAND_MINUTES if place.is_island else _PLACE_MINUTES * place.area for place in places]
+    worth = [_ISLAND_MINUTES if place.is_island else _MAX_ADDED_MINUTES * place.area for place in places]
     return np.asarray(np.bincount(at, worth, groups.count))
 
 
@@ -179,7 +177,7 @@ def _remove_unsupported(
 
     standing = check_stability(supports, paths, overhangs, sections, profile)
     upright = compare(standing)
-    if _measure_unsupported(upright) < _BARE_AREA:
+    if _measure_unsupported(upright) < _UNSUPPORTED_AREA:
         return upright
     leaning = lean_columns(standing, overhangs, sections, profile)
     return upright if leaning is standing else min(upright, compare(leaning), key=_measure_unsupported)
@@ -187,7 +185,7 @@ def _remove_unsupported(
 
 def _is_worth_support(place: UnsupportedPlace) -> bool:
     """Return whether other supports are tried for a place."""
-    return place.is_island or place.area >= _LEAST_UNSUPPORTED
+    return place.is_island or place.area >= _MIN_UNSUPPORTED_AREA
 
 
 def _count_islands(made: PrintedSupports) -> int:
@@ -310,4 +308,4 @@ def _price_unsupported_place(place: UnsupportedPlace) -> float:
     """Return the cost of a place without support, min."""
     if place.is_island:
         return _ISLAND_MINUTES
-    return _BARE_MINUTES * max(place.area / _BARE_AREA, 1.0)
+    return _UNSUPPORTED_MINUTES * max(place.area / _UNSUPPORTED_AREA, 1.0)

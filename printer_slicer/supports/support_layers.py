@@ -23,8 +23,8 @@ __all__ = ["find_height_limits", "list_places_without_room", "plan_shared_layers
 
 _UNIT: Final = 0.02  # mm between heights at which a layer may end, if the z step is finer
 _DEFAULT_RATIO: Final = 0.75  # nozzle diameters, the largest layer height if the settings have none
-_SMALLEST_GAP: Final = 0.5  # of the gap, where the first layer is the only one that fits under an overhang
-_SAME: Final = 1e-6  # mm
+_MIN_GAP: Final = 0.5  # of the gap, where the first layer is the only one that fits under an overhang
+_ROUNDING: Final = 1e-6  # mm
 _EVENNESS: Final = (
     0.1  # cost of a layer of the largest height; quadratic in height, so that equal layers are cheaper
 )
@@ -105,9 +105,9 @@ def _find_carriers(contacts: _Contacts, part: LayerPlan, top: Float, gap: float)
     """Return for each layer of the part (L,) the support layer, by its top (S,), that carries it; -1: none."""
     carrier = np.full(part.n_layers, -1)
     if len(top):
-        found = np.searchsorted(top, contacts.wanted + _SAME) - 1
+        found = np.searchsorted(top, contacts.wanted + _ROUNDING) - 1
         room = part.bottom[contacts.layer] - top[0]
-        found[(found < 0) & (room >= _SMALLEST_GAP * gap - _SAME)] = 0
+        found[(found < 0) & (room >= _MIN_GAP * gap - _ROUNDING)] = 0
         carrier[contacts.layer] = found
     return carrier
 
@@ -146,7 +146,7 @@ def _find_contacts(overhangs: Overhangs, profile: Profile) -> _Contacts:
 
 def _add_start_heights(contacts: _Contacts, heights: Float) -> _Contacts:
     """Return contacts and the heights at which supports begin; to miss one costs less than to miss any overhang."""
-    heights = distinct(np.round(heights[heights < contacts.wanted[-1] - _SAME], 7))
+    heights = distinct(np.round(heights[heights < contacts.wanted[-1] - _ROUNDING], 7))
     nothing = np.zeros(len(heights))
     return _Contacts.joined([contacts, _Contacts(np.full(len(heights), -1), heights, nothing, nothing)])
 
@@ -154,18 +154,18 @@ def _add_start_heights(contacts: _Contacts, heights: Float) -> _Contacts:
 def _choose_tops(contacts: _Contacts, part: LayerPlan, first: float, profile: Profile) -> Float:
     """Return the tops (S,) of the support layers, mm."""
     low, high = find_height_limits(profile)
-    above = contacts.wanted[contacts.wanted >= first + low - _SAME]
+    above = contacts.wanted[contacts.wanted >= first + low - _ROUNDING]
     if not len(above):
         return np.array([first])
     if profile.quality.support_synchronize_layers:
-        nodes = part.top[(part.top > first + _SAME) & (part.top <= above[-1] + _SAME)]
+        nodes = part.top[(part.top > first + _ROUNDING) & (part.top <= above[-1] + _ROUNDING)]
     else:
         unit = _choose_unit(profile)
         lattice = first + unit * np.arange(1, np.ceil((above[-1] - first) / unit))
         nodes = distinct(np.round(np.concatenate([lattice, above]), 6))
-        nodes = nodes[np.append(np.diff(nodes) > 2 * _SAME, True)]
+        nodes = nodes[np.append(np.diff(nodes) > 2 * _ROUNDING, True)]
         # Rounded heights make equal nodes equal; those of contacts must stay exact.
-        place = np.searchsorted(nodes, above - 2 * _SAME)
+        place = np.searchsorted(nodes, above - 2 * _ROUNDING)
         nodes[place] = above
     nodes = np.concatenate([[0.0, first], nodes])
     # Some heights are not sums of layers, such as a little more than the highest layer; the next lower one is used.
@@ -195,8 +195,8 @@ def _list_arcs(nodes: Float, low: float, high: float) -> ArcGraph:
     """Return the layers between nodes (n,), mm, of which the lowest is the bed and the next the first layer's top."""
     # Layers of the part may be thicker than those of supports, which must have one of them if they have no others.
     previous = np.arange(len(nodes)) - 1
-    begin = np.clip(np.searchsorted(nodes, nodes - high - _SAME), 1, np.maximum(previous, 1))
-    count = np.maximum(np.searchsorted(nodes, nodes - low + _SAME, side="right") - begin, 0)
+    begin = np.clip(np.searchsorted(nodes, nodes - high - _ROUNDING), 1, np.maximum(previous, 1))
+    count = np.maximum(np.searchsorted(nodes, nodes - low + _ROUNDING, side="right") - begin, 0)
     begin[:2], count[:2] = 0, (0, 1)
     return ArcGraph(np.append(0, np.cumsum(count)), consecutive(begin, count))
 
@@ -207,13 +207,14 @@ def _compute_arc_costs(
     """Return the cost (A,) of layers, in layers: their number, their evenness, and gaps that are larger than wanted."""
     bottom, top = nodes[graph.start], nodes[graph.end]
     cost = 1.0 + _EVENNESS * ((top - bottom) / high) ** 2
-    served = contacts.wanted >= first - _SAME
+    served = contacts.wanted >= first - _ROUNDING
     for slack in distinct(contacts.slack[served]):
         own = np.flatnonzero(served & (contacts.slack == slack))
         wanted, area = contacts.wanted[own], contacts.area[own]
         # Overhangs that want a height from the bottom of a layer up to its top are carried by its bottom.
         begin, late, end = (
-            np.searchsorted(wanted, z) for z in (bottom - _SAME, bottom + slack + _SAME, top - _SAME)
+            np.searchsorted(wanted, z)
+            for z in (bottom - _ROUNDING, bottom + slack + _ROUNDING, top - _ROUNDING)
         )
         late = np.minimum(late, end)
         areas, moments = (np.append(0.0, np.cumsum(values)) for values in (area, area * wanted))

@@ -40,14 +40,14 @@ from printer_slicer.values import Struct
 __all__ = ["compute_line_widths", "make_support_paths"]
 
 _ACROSS: Final = np.pi / 2  # radians, direction of interfaces across the lines of a base, which run along x
-_LONGEST_TURN: Final = 1.6  # row spacings of a line from row to row
-_SHORTEST: Final = 0.8  # widths; shorter lines are dropped
-_SHORTEST_CLOSED: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
+_MAX_TURN: Final = 1.6  # row spacings of a line from row to row
+_MIN_LENGTH: Final = 0.8  # widths; shorter lines are dropped
+_MIN_CLOSED_LENGTH: Final = 1.5  # widths; in corners of closed layers, which may have nothing below
 _MIN_ROOM: Final = 1.5  # mm between the loops of a slim column, below which it has no lines
-_LONGEST_END: Final = 0.75  # mm by which lines of interfaces may reach beyond the lines below
+_MAX_END: Final = 0.75  # mm by which lines of interfaces may reach beyond the lines below
 _ALONG: Final = 20.0  # by which areas are stretched along rows, so that gaps are closed across rows only
 _FLOOR_GAPS: Final = 2.0  # gaps of interfaces between the lines of floors
-_WIDEST_GAP: Final = 1.25  # row spacings between two rows
+_MAX_ROW_GAP: Final = 1.25  # row spacings between two rows
 _OVERLAP: Final = 0.1  # of the width, by which lines overlap the loops around them
 
 
@@ -135,10 +135,10 @@ def _trim_interface(
     layer = pieces.layer[lines.layer]
     start, n = 2 * np.arange(lines.n_lines + 1), interface.n_layers
     # Strokes have round ends, and rows end half a width inside the columns.
-    inward = np.minimum(widths.line[layer] + _LONGEST_END, lines.length() / 2)[:, None] * [1.0, 0.0]
+    inward = np.minimum(widths.line[layer] + _MAX_END, lines.length() / 2)[:, None] * [1.0, 0.0]
     ends = lines.ends + np.stack([inward, -inward], axis=1)
-    near = stroke_lines(ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _LONGEST_END, n)
-    between = max(_WIDEST_GAP * spacing / 2 - _LONGEST_END, 0.0)
+    near = stroke_lines(ends.reshape(-1, 2), start, layer, widths.line[layer] / 2 + _MAX_END, n)
+    between = max(_MAX_ROW_GAP * spacing / 2 - _MAX_END, 0.0)
     near = _close_across(near, between)  # what lies between two rows is carried by both
     trimmed = intersection(interface, union(near, slim.of_layers(interface.used)))
     return trimmed, np.full(trimmed.n_rings, np.nan)
@@ -181,9 +181,9 @@ def _join_lines(
         rows: distance between the rows of each entry (E,), mm, and the role.
     """
     (area, layer_of), (spacing, role) = within, rows
-    shortest = _SHORTEST_CLOSED if role == Role.SUPPORT_INTERFACE else _SHORTEST
+    shortest = _MIN_CLOSED_LENGTH if role == Role.SUPPORT_INTERFACE else _MIN_LENGTH
     kept = lines.take(np.flatnonzero(lines.length() >= shortest * widths.line[layer_of[lines.layer]]))
-    xy, start, entry = chain_rows(kept, max_turn=_LONGEST_TURN * spacing)
+    xy, start, entry = chain_rows(kept, max_turn=_MAX_TURN * spacing)
     # Zigzags are cut where the step from row to row leaves the area, as beside a thin wall between two rows.
     step = np.setdiff1d(np.arange(1, len(xy) - 1, 2), start[1:] - 1)
     at = layer_of[entry[np.searchsorted(start, step, side="right") - 1]]
@@ -244,7 +244,7 @@ def _make_joists(supports: Supports, widths: _Widths) -> Toolpaths:
     rows = np.maximum(np.rint((high - low) / width), 1)
     spacing = np.maximum(high - low, 1e-3) / rows
     lines = hatch(pieces.areas, angle=angle, spacing=spacing, phase=low / spacing + 0.5)
-    lines = lines.take(np.flatnonzero(lines.length() >= (1 + _SHORTEST) * width[lines.layer]))
+    lines = lines.take(np.flatnonzero(lines.length() >= (1 + _MIN_LENGTH) * width[lines.layer]))
     cut = np.minimum(width[lines.layer] / 2 / np.maximum(lines.length(), 1e-9), 0.4)[:, None]
     begin, end = lines.ends[:, 0], lines.ends[:, 1]
     ends = np.stack([begin + cut * (end - begin), end - cut * (end - begin)], axis=1)

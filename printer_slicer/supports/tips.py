@@ -33,7 +33,7 @@ REACH_IN_Z = 2.0  # mm from a place up to the tip; below the tip, its branch car
 LOWEST_TIP = 0.6  # mm from a place down to the tip
 _CELL_RATIO = 1.4  # reaches; larger cells leave places that need another round, smaller ones give more tips
 _SAMPLE = 0.5  # mm between places in narrow strips
-_LONGEST_CHORD = 3.0  # mm; strips are narrower than a roof, 2 mm, and may lie diagonally
+_MAX_CHORD = 3.0  # mm; strips are narrower than a roof, 2 mm, and may lie diagonally
 _AT_ISLAND = 0.5  # mm between a tip and the island that it carries
 _BESIDE_FAILED = 0.5  # mm; tips this near to one that no branch reaches are not tried
 
@@ -98,7 +98,7 @@ def list_strip_places(strips: Areas, overhangs: Overhangs, plan: SupportPlan, se
     place = np.column_stack([points, plan.layers.top[carrier]])
     reach = np.where(overhangs.is_flat[layer], _REACH_OF_FLATS, _REACH_OF_SLOPES) * settings.joist
     # The edges of wide strips, on slopes that are nearly level, are farther from a tip than the middle.
-    half = np.nan_to_num(depths(strips, points, layer, _LONGEST_CHORD / 2))
+    half = np.nan_to_num(depths(strips, points, layer, _MAX_CHORD / 2))
     reach = np.minimum(reach, np.maximum(_REACH_OF_TIPS + settings.tip_radius - half, _MIN_REACH))
     return Tips(place, carrier, np.full(n, -1), np.zeros(n, np.bool_), reach)
 
@@ -134,7 +134,7 @@ def sample_inner_points(strips: Areas) -> tuple[Float, Int]:
     """
     found = [hatch(strips, angle=angle, spacing=_SAMPLE) for angle in (0.0, np.pi / 2)]
     ends, layer = np.concatenate([one.ends for one in found]), np.concatenate([one.layer for one in found])
-    short = norm(ends[:, 1] - ends[:, 0]) <= _LONGEST_CHORD
+    short = norm(ends[:, 1] - ends[:, 0]) <= _MAX_CHORD
     points, layer = ends[short].mean(axis=1), layer[short]
     pieces = split_connected(strips)
     poles = _find_poles(pieces.areas)

@@ -52,10 +52,10 @@ class TreeSettings(Struct, frozen=True):
     width: float
 
 
-_LARGEST_RATIO = 1.45  # branch radii; such a branch is still printed as a single loop
-_SMALLEST_RADIUS = 1.0  # extrusion widths; a branch is a loop, and no loop can be smaller
+_MAX_RADIUS_RATIO = 1.45  # branch radii; such a branch is still printed as a single loop
+_MIN_RADIUS = 1.0  # extrusion widths; a branch is a loop, and no loop can be smaller
 _MIN_DISTANCE = 3.0  # extrusion widths between joists; nearer ones leave no room between them
-_SLIMMEST = 35.0  # height by radius
+_MAX_SLIMNESS = 35.0  # height by radius
 _NEAR_GAP = (
     0.2  # mm; a narrow strip under a slope is farther than this from the layer below, or no tip reaches it
 )
@@ -74,7 +74,7 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         highest: z of the highest support, mm; high branches become thicker.
     """
     quality, width = profile.quality, profile.extrusion_width
-    tip_radius = max(quality.support_tip_diameter / 2, _SMALLEST_RADIUS * width)
+    tip_radius = max(quality.support_tip_diameter / 2, _MIN_RADIUS * width)
     radius, xy_gap = quality.support_branch_diameter / 2, quality.support_xy_gap + _MORE_XY_GAP
     slope = min(tan(radians(quality.support_tree_angle_deg)), width / 2 / layer_height)
     return TreeSettings(
@@ -87,7 +87,7 @@ def read_tree_settings(profile: Profile, layer_height: float, highest: float) ->
         tip_distance=max(quality.support_tip_distance, 2 * tip_radius),
         tip_radius=tip_radius,
         branch_radius=max(radius, tip_radius),
-        largest_radius=max(_LARGEST_RATIO * max(radius, tip_radius), highest / _SLIMMEST),
+        largest_radius=max(_MAX_RADIUS_RATIO * max(radius, tip_radius), highest / _MAX_SLIMNESS),
         growth=tan(radians(quality.support_branch_growth_deg)),
         slope=slope,
         slow_slope=min(tan(radians(quality.support_tree_slow_angle_deg)), slope),

@@ -57,7 +57,7 @@ _MIN_BOTTOM_GAP = (
     0.5  # of the gap; the layers are not planned for ends on the part, which must not be too far above it
 )
 _NOTCH = 0.15  # mm, smallest radius of corners between branches that touch
-_THINNEST = 0.4  # extrusion widths; narrower rests of branches are left out
+_MIN_WIDTH = 0.4  # extrusion widths; narrower rests of branches are left out
 
 
 def grow_trees(overhangs: Overhangs, plan: SupportPlan, sections: Sections, profile: Profile) -> Supports:
@@ -117,7 +117,7 @@ def _trim_branches(base: Areas, blocked: Areas, roofs: Areas, width: float) -> A
     pieces = split_connected(base)
     near = Boxes(*pieces.areas.boxes(), pieces.layer).touches_any(Boxes.of_rings(blocked.merge(roofs)))
     touched, free = (pieces.on_layers(base.n_layers, np.flatnonzero(which)) for which in (near, ~near))
-    rest = offset_open(difference(difference(touched, blocked), roofs), _THINNEST * width)
+    rest = offset_open(difference(difference(touched, blocked), roofs), _MIN_WIDTH * width)
     rests = split_connected(rest)
     large = rests.on_layers(base.n_layers, np.flatnonzero(rests.areas.area() >= width**2))
     return union(round_notches(free, _NOTCH), large)

@@ -21,17 +21,19 @@ from printer_slicer.values import Struct, replace
 
 __all__ = ["SpanRules", "find_carried_beads", "find_unsupported_beads", "keep_samples", "remove_unsupported"]
 
-_SPANS: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
-_LOOP_SPANS: Final = 1.8  # the same for loops, which are not straight
-_ENDS: Final = 0.6  # the same for the end of a line
-_TURN_SPANS: Final = 1.0  # the same for a stretch of a line that turns
-_RESTS: Final = 0.3  # of longer ends and turns, the length at each carried side that remains
-_STRAIGHT: Final = 0.95  # of the length of a stretch, the least distance between its ends if it is straight
+_MAX_SPAN: Final = 2.2  # row spacings, the longest straight stretch that hangs between two carried ones
+_MAX_LOOP_SPAN: Final = 1.8  # the same for loops, which are not straight
+_MAX_END: Final = 0.6  # the same for the end of a line
+_MAX_TURN_SPAN: Final = 1.0  # the same for a stretch of a line that turns
+_KEPT_END: Final = 0.3  # of longer ends and turns, the length at each carried side that remains
+_MIN_STRAIGHTNESS: Final = (
+    0.95  # of the length of a stretch, the least distance between its ends if it is straight
+)
 _MIN_OF_LOOP: Final = 1 / 3  # of its length that must be carried
 _MIN_OF_LINE: Final = 0.12  # the same for lines, which may run across lines or joists below
 _MIN_CARRIED: Final = 0.3  # mm of short lines that must be carried
 _LARGE_LOOP: Final = 6.0  # mm, length of loops that may lie across the lines of the first layer
-_SHORTEST: Final = 1.0  # widths; shorter rests are taken out
+_MIN_LENGTH: Final = 1.0  # widths; shorter rests are taken out
 
 
 class SpanRules(Struct, frozen=True, eq=False):
@@ -58,13 +60,13 @@ class SpanRules(Struct, frozen=True, eq=False):
         """Return the rules for supports with these layers and settings beside a part."""
         part = PartBelow.of(sections, layers, quality.support_bottom_gap)
         spacing = quality.support_spacing
-        span = max(_SPANS * spacing, quality.support_tip_distance)
-        loop_span = min(_LOOP_SPANS * spacing, span)
-        return cls(part, span, _TURN_SPANS * spacing, loop_span, _ENDS * spacing, _RESTS * spacing)
+        span = max(_MAX_SPAN * spacing, quality.support_tip_distance)
+        loop_span = min(_MAX_LOOP_SPAN * spacing, span)
+        return cls(part, span, _MAX_TURN_SPAN * spacing, loop_span, _MAX_END * spacing, _KEPT_END * spacing)
 
     def for_columns(self) -> SpanRules:
         """Return the rules by which beads get columns; shorter ends and turns are only cut."""
-        return replace(self, end=self.end / _ENDS, turn_span=self.span, rest=0.0)
+        return replace(self, end=self.end / _MAX_END, turn_span=self.span, rest=0.0)
 
     def find_unsupported(self, samples: BeadSamples, paths: Toolpaths, some: slice, carried: Bool) -> Bool:
         """Return which (k,) of some samples belong to unsupported stretches that are too long.
@@ -88,7 +90,7 @@ class SpanRules(Struct, frozen=True, eq=False):
         _join_over_seams(size, of_run, closed & begins[first], closed & ends[last])
         at_end = (begins[first] | ends[last]) & ~closed
         chord = samples.measure_distances(some.start + first, some.start + last) + length[first]
-        inside = np.where(chord < _STRAIGHT * size, self.turn_span, self.span)
+        inside = np.where(chord < _MIN_STRAIGHTNESS * size, self.turn_span, self.span)
         most = np.where(at_end, self.end, np.where(closed, self.loop_span, inside))
         low = total[first] + np.where(begins[first] & ~closed, 0.0, self.rest)
         high = total[last + 1] - np.where(ends[last] & ~closed, 0.0, self.rest)
@@ -189,7 +191,7 @@ def _mark_short_rests(samples: BeadSamples, paths: Toolpaths, some: slice, kept:
     whole = np.ones(paths.n_paths, np.bool_)
     whole[path[~kept]] = False
     width = paths.width[paths.start[path]]
-    return np.asarray(kept & ~whole[path] & (size[np.maximum(run, 0)] < _SHORTEST * width))
+    return np.asarray(kept & ~whole[path] & (size[np.maximum(run, 0)] < _MIN_LENGTH * width))
 
 
 def keep_samples(samples: BeadSamples, paths: Toolpaths, kept: Bool) -> Toolpaths:

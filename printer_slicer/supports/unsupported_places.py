@@ -27,18 +27,18 @@ __all__ = [
     "list_unsupported_places",
 ]
 
-_ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries overhangs
-_DEEPER: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
-_AT_ISLAND: Final = 1.0  # mm, the same for the lowest point of an island
+_REACH_ASIDE: Final = 1.5  # mm from the middle of a bead up to which it carries overhangs
+_REACH_DOWN: Final = 0.55  # mm below the gap and its slack, the same downwards: sides of branches carry, too
+_REACH_AT_ISLAND: Final = 1.0  # mm, the same for the lowest point of an island
 _NEAR_BED: Final = 0.3  # mm above the bed, from where overhangs bend too far before they lie on it
 _CELL: Final = 0.5  # mm; side of the cells, and distance between points of overhangs
 _DIAGONAL: Final = 1.0  # radians, direction of the rows of points; rows along a side would miss narrow strips
-_LEAST: Final = 0.5  # mm²; smaller places are rounding
-_BESIDE: Final = 1.0  # mm around coarse points without support, where areas are measured
-_FINE: Final = 0.15  # mm, the same for measuring areas
+_MIN_AREA: Final = 0.5  # mm²; smaller places are rounding
+_FINE_MARGIN: Final = 1.0  # mm around coarse points without support, where areas are measured
+_FINE_SPACING: Final = 0.15  # mm, the same for measuring areas
 _MAX_POINTS: Final = 300  # of a place, whose distances are measured
 _NEAR: Final = 3.0  # mm from a place to one for which a reason is known
-_FARTHEST: Final = 50.0  # mm; larger distances are not told apart
+_MAX_DISTANCE: Final = 50.0  # mm; larger distances are not told apart
 _ROUNDING: Final = 1e-6  # mm
 _NOTHING_BELOW: Final = "nothing below carries its support"
 _NO_WAY: Final = "no support reaches this place without touching the part"
@@ -95,7 +95,7 @@ class _Beads(Struct, frozen=True, eq=False):
     def of(cls, paths: Toolpaths, overhangs: Overhangs, profile: Profile) -> _Beads:
         """Find the beads; their tops may be lower than the overhangs by the gap, its slack and two layers."""
         quality, layers = profile.quality, paths.plan
-        reach = quality.support_gap + quality.support_gap_slack + _DEEPER
+        reach = quality.support_gap + quality.support_gap_slack + _REACH_DOWN
         bottom = overhangs.plan.bottom
         low = np.searchsorted(layers.top, bottom - reach - _ROUNDING)
         high = np.searchsorted(layers.top, bottom + _ROUNDING, side="right")
@@ -169,7 +169,9 @@ def list_unsupported_places(
     found = [_describe(one, overhangs, beads, sections, reasons) for one in _split_into_groups(points)]
     width = profile.extrusion_width
     listed = [
-        place for place in found if place.is_island or (place.area >= _LEAST and place.free_distance > width)
+        place
+        for place in found
+        if place.is_island or (place.area >= _MIN_AREA and place.free_distance > width)
     ]
     return tuple(sorted(listed, key=lambda place: (not place.is_island, -place.area, place.z)))
 
@@ -195,7 +197,7 @@ def _split_into_groups(points: UnsupportedPoints) -> list[UnsupportedPoints]:
 
 
 def leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
-    """Return the overhangs without those as near to the bed as to a support, and less than 0.3 mm above it."""
+    """Return the overhangs without those that the bed carries: less than 0.3 mm and at most the gap above it."""
     quality = profile.quality
     near = min(quality.support_gap + quality.support_gap_slack + _ROUNDING, _NEAR_BED - _ROUNDING)
     layers = overhangs.plan.bottom <= near
@@ -211,7 +213,7 @@ def leave_out_bed(overhangs: Overhangs, profile: Profile) -> Overhangs:
 
 
 def _find_unsupported_points(overhangs: Overhangs, beads: _Beads) -> UnsupportedPoints:
-    """Return the unsupported points; coarse points on a raster tell first which patches have any."""
+    """Return the unsupported points; a coarse search first finds the patches that have any."""
     hanging = overhangs.area
     points, layer, _ = _sample_areas(hanging, _CELL)
     found = np.flatnonzero(_find_candidates(beads, points, layer))
@@ -222,10 +224,10 @@ def _find_unsupported_points(overhangs: Overhangs, beads: _Beads) -> Unsupported
     patches = np.zeros(overhangs.n_patches, np.bool_)
     patches[overhangs.ring_patch[near[hanging.ring_layer]]] = True
     fine, layer, area = _sample_areas(
-        hanging.select(near[hanging.ring_layer] & patches[overhangs.ring_patch]), _FINE
+        hanging.select(near[hanging.ring_layer] & patches[overhangs.ring_patch]), _FINE_SPACING
     )
     which = _select_beside(fine, points[found])
-    bare = which[~beads.are_near(fine[which], layer[which], _ASIDE)]
+    bare = which[~beads.are_near(fine[which], layer[which], _REACH_ASIDE)]
     return UnsupportedPoints(fine[bare], layer[bare], area[bare], np.zeros(len(bare), np.bool_))
 
 
@@ -233,10 +235,12 @@ def _select_beside(points: Float, others: Float) -> Int:
     """Return which points (n, 2) lie within about 1 mm of one of the others (m, 2)."""
     if not len(points) or not len(others):
         return np.zeros(0, np.int64)
-    grid = CellGrid.around(others.min(axis=0) - 2 * _BESIDE, others.max(axis=0) + 2 * _BESIDE, _CELL)
+    grid = CellGrid.around(
+        others.min(axis=0) - 2 * _FINE_MARGIN, others.max(axis=0) + 2 * _FINE_MARGIN, _CELL
+    )
     marked = np.zeros(grid.n_cells, np.bool_)
     marked[grid.find_cells(others)] = True
-    near = clearance(marked.reshape(grid.n_rows, grid.n_columns), _CELL, 2 * _BESIDE) <= _BESIDE
+    near = clearance(marked.reshape(grid.n_rows, grid.n_columns), _CELL, 2 * _FINE_MARGIN) <= _FINE_MARGIN
     # The outermost cells are too far from all others.
     return np.flatnonzero(near.reshape(-1)[grid.find_cells(points)])
 
@@ -258,7 +262,7 @@ def _sample_areas(areas: Areas, spacing: float) -> tuple[Float, Int, Float]:
 
 
 def _find_candidates(beads: _Beads, points: Float, layer: Int) -> Bool:
-    """Return which points (n, 2) on layers (n,) of the part, ascending, have no bead near them; cells are coarse."""
+    """Return which points (n, 2) may have no bead near them, by a coarse raster; layers (n,) of the part ascend."""
     bare = np.ones(len(points), np.bool_)
     if not beads.paths.n_paths:
         return bare
@@ -276,8 +280,8 @@ def _find_candidates(beads: _Beads, points: Float, layer: Int) -> Bool:
         own = slice(*np.searchsorted(layer, (at, at + 1)).tolist())
         covered = np.zeros(grid.n_cells, np.bool_)
         covered[samples.cells(slice(start[beads.first[at]], start[beads.last[at]]))] = True
-        away = clearance(covered.reshape(grid.n_rows, grid.n_columns), _CELL, _ASIDE + _CELL)
-        bare[own] = ~inside[own] | (away.reshape(-1)[cell[own]] > _ASIDE)
+        away = clearance(covered.reshape(grid.n_rows, grid.n_columns), _CELL, _REACH_ASIDE + _CELL)
+        bare[own] = ~inside[own] | (away.reshape(-1)[cell[own]] > _REACH_ASIDE)
     return bare
 
 
@@ -288,7 +292,7 @@ def _find_unsupported_islands(overhangs: Overhangs, beads: _Beads) -> Unsupporte
     areas = pieces.areas
     order = np.argsort(pieces.layer[areas.point_layer], kind="stable")
     piece = areas.point_layer[order]
-    near = beads.are_near(areas.xy[order], pieces.layer[piece], _AT_ISLAND)
+    near = beads.are_near(areas.xy[order], pieces.layer[piece], _REACH_AT_ISLAND)
     carried = np.zeros(pieces.count, np.bool_)
     carried[piece[near]] = True
     left = np.flatnonzero(~carried[areas.point_layer])
@@ -340,7 +344,7 @@ def _describe(
     distance = 0.0
     for layer in distinct(points.layer[some]).tolist():
         at = points.xy[some[points.layer[some] == layer]]
-        away = np.minimum(beads.measure_distances(at, layer), _FARTHEST)
+        away = np.minimum(beads.measure_distances(at, layer), _MAX_DISTANCE)
         # On slopes, the layer below is as bare as this one.
         distance = max(distance, float(_measure_to_part(at, z, away, sections).max()))
     x, y = centre
@@ -373,5 +377,5 @@ def _measure_to_part(points: Float, z: float, away: Float, sections: Sections) -
     below = int(sections.plan.find_tops(np.array([z]))[0])
     if below >= sections.plan.n_layers:
         return away
-    depth = depths(sections.solid, points, np.full(len(points), below), _FARTHEST)
+    depth = depths(sections.solid, points, np.full(len(points), below), _MAX_DISTANCE)
     return np.asarray(np.fmin(away, np.maximum(-depth, 0.0)))

@@ -14,7 +14,7 @@ from printer_slicer.model import Overhangs, Sections
 __all__ = ["find_upward_faces"]
 
 _MIN_AREA: Final = 4.0  # mm² of a face that counts
-_NARROWEST: Final = 2.0  # mm; the steps of slopes are narrower
+_MIN_WIDTH: Final = 2.0  # mm; the steps of slopes are narrower
 
 
 def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
@@ -32,5 +32,5 @@ def find_upward_faces(overhangs: Overhangs, sections: Sections) -> Float:
         return np.zeros(0)
     faces = difference(solid.copy_layers(lower), solid.copy_layers(lower + 1))
     seen = unite_layers(overhangs.area).copy_layers(np.zeros(len(lower), np.int64))
-    below = offset_open(intersection(faces, seen), _NARROWEST / 2)
+    below = offset_open(intersection(faces, seen), _MIN_WIDTH / 2)
     return np.asarray(plan.top[lower[below.area() > _MIN_AREA]])

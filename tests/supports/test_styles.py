@@ -86,7 +86,7 @@ def leaning_wall() -> Mesh:
 
 
 def test_groups_whose_columns_do_not_stand_get_trees(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ())
     monkeypatch.setattr(added_columns, "_STEP", 0.0)  # columns cannot lean beside the wall
 
     assert bare_area(leaning_wall(), "columns") > 20
@@ -117,7 +117,7 @@ def test_a_tiny_island_without_a_column_gets_a_branch(monkeypatch: pytest.Monkey
     case = overhangs, plan, sections, profile, measure_group_times
 
     with monkeypatch.context() as only_columns:
-        only_columns.setattr(styles, "_STYLES_OF_PLACES", ())
+        only_columns.setattr(styles, "_ADDED_STYLES", ())
         alone = make_supports(*case).supports
     completed = make_supports(*case).supports
 
@@ -139,7 +139,7 @@ def test_small_places_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> No
 def test_columns_support_what_trees_leave_unsupported(monkeypatch: pytest.MonkeyPatch) -> None:
     overhangs, plan, sections, profile = prepared(tee(), support="tree")
     monkeypatch.setitem(STYLES, "tree", grow_one)
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ("columns",))
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ("columns",))
 
     supports = make_supports(overhangs, plan, sections, profile, measure_group_times).supports
 
@@ -164,7 +164,7 @@ def grow_one(given: Overhangs, *rest: Any) -> Supports:
 
 def test_groups_that_trees_do_not_reach_get_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     overhangs, plan, sections, profile = prepared(tee(), support="auto")
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ())
     monkeypatch.setitem(STYLES, "tree", grow_one)
 
     found = make_supports(overhangs, plan, sections, profile, measure_group_times).supports

@@ -88,7 +88,7 @@ def test_what_is_right_above_the_bed_lies_on_it() -> None:
 
 
 def test_places_outside_the_bed_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())  # branches reach farther
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ())  # branches reach farther
     size = 220.0  # mm, the bed is as large
     wide = joined([box((10, 10, 20), (0, 0, 0)), box((10, size + 20, 2), (0, -size / 2 - 5, 20))])
     bare, overhangs = bare_of(wide)
@@ -99,7 +99,7 @@ def test_places_outside_the_bed_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_places_over_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())  # branches reach from the bed over the part
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ())  # branches reach from the bed over the part
     plates = [box((30, 30, 2), (0, 0, z)) for z in (0, 20)]
     bare, _ = bare_of(joined([*plates, box((4, 30, 21), (0, 0, 1))]), support_on_bed_only=True)
 
@@ -108,7 +108,7 @@ def test_places_over_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_places_that_trees_could_only_reach_from_the_part_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(styles, "_STYLES_OF_PLACES", ())
+    monkeypatch.setattr(styles, "_ADDED_STYLES", ())
     bare, _ = bare_of(tub(), support="tree", support_on_bed_only=True)
 
     assert {place.reason for place in bare} == {
