@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 
-from printer_slicer import bead
 from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
@@ -202,12 +201,14 @@ def _replace_points(paths: Toolpaths, chosen: Int, fine: FinePoints, kept: Bool,
     width[new] += share * (paths.width[paths.following[corner]] - width[new])
     owner = chosen[fine.owner[kept]]
     z_offset[new] = z[kept]
-    flow[new] = _flow_ratios(paths, owner, width[new], z[kept])
+    flow[new] = _flow_ratios(paths, owner, z[kept])
     return replace(made, xy=xy, width=width, z_offset=z_offset, flow_ratio=flow)
 
 
-def _flow_ratios(paths: Toolpaths, owner: Int, width: Float, z: Float) -> Float:
-    """Return the flow ratio (n,) at points of paths `owner` (n,): local cross-section / full one; ironing keeps 1."""
-    full = paths.height[owner]
-    ratio = bead.cross_section(width, full + z) / bead.cross_section(width, full)
+def _flow_ratios(paths: Toolpaths, owner: Int, z: Float) -> Float:
+    """Return the flow ratio (n,) at points of paths `owner` (n,): local height / full one; ironing keeps 1.
+
+    The spacing of the paths stays that of full height, so their volume is proportional to their height.
+    """
+    ratio = 1 + z / paths.height[owner]
     return np.where(paths.role[owner] == Role.IRONING, 1.0, ratio)

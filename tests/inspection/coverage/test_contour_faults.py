@@ -10,6 +10,7 @@ import pytest
 
 from printer_slicer.gcode_text import gcode_of
 from printer_slicer.inspection.coverage.model_check import Check, check_gcode
+from printer_slicer.model import Mesh
 from printer_slicer.pipeline import slice_part
 from printer_slicer.profile import load_profile
 from tests import contoured_parts
@@ -26,7 +27,7 @@ from tests.contoured_gcode import (
     level,
     wedge,
 )
-from tests.parts import box_with_hole, joined
+from tests.parts import box_with_hole, joined, loft
 
 SEEDS = (1, 2, 3)
 Change = Callable[[Line], Line | None]
@@ -66,6 +67,19 @@ def test_narrow_sections_on_a_steep_top_need_what_is_below_the_surface() -> None
     text = gcode_of(slice_part(mesh, profile), profile)
 
     assert check_gcode(text, mesh).findings == ()
+
+
+def test_high_layers_of_a_shallow_cone_have_the_material_they_need() -> None:
+    """Lowered extrusions are as far apart as those of full height, although their sides are less round."""
+    angle = np.arange(64) / 32 * np.pi
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    top = 1.0 + 14.0 * np.tan(np.deg2rad(12.0))
+    mesh = Mesh(loft([15.0 * ring, 15.0 * ring, ring], [0.0, 1.0, top]), "cone")
+    profile = load_profile("marlin_220", "pla", "adaptive", {"quality.z_contouring": True})
+    check = check_gcode(gcode_of(slice_part(mesh, profile), profile), mesh)
+
+    assert check.findings == ()
+    assert np.median(check.coverage.fill.shell[4:-1]) < 1.06
 
 
 def test_a_flat_inside_a_layer_is_covered_up_to_the_wall_beside_it() -> None:
