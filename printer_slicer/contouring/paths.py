@@ -10,7 +10,7 @@ from printer_slicer.arrays import Bool, Float, Int, consecutive
 from printer_slicer.contouring.fine_points import FinePoints, split_by_length
 from printer_slicer.contouring.infill_direction import print_from_low_to_high
 from printer_slicer.contouring.loop_starts import start_narrow_loops_low
-from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, is_open_above
+from printer_slicer.contouring.surface_heights import FacetBins, LayerPoints, are_uncovered
 from printer_slicer.contouring.tops import BESIDE_RATIO, LEVEL_REACH
 from printer_slicer.contouring.z_profiles import (
     Positions,
@@ -128,7 +128,7 @@ def _find_offsets(
     points = LayerPoints(fine.xy, paths.layer[owner], bottom, top, rule.find_max_slopes(full)[owner])
     facet = bins.find_facets(points)
     covered = np.flatnonzero(facet >= 0)
-    covered = covered[is_open_above(points.take(covered), sections)]
+    covered = covered[are_uncovered(points.take(covered), bins, sections)]
     covered = covered[~bins.tops.are_level(fine.xy[covered], points.layer[covered], LEVEL_REACH)]
     sides = fine.find_sides(paths, _SIDE)[covered]
     covered = covered[_is_clear_beside(points.take(covered), facet[covered], sides, part, rule)]

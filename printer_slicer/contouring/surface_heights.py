@@ -22,7 +22,7 @@ from printer_slicer.model import ContourRule, LayerPlan, Mesh, Sections
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
 
-__all__ = ["FacetBins", "LayerPoints", "find_facet_bins", "is_open_above"]
+__all__ = ["FacetBins", "LayerPoints", "are_uncovered", "find_facet_bins", "is_open_above"]
 
 _CELL: Final = 0.5  # mm
 _SMALL_FACET: Final = 9  # cells of its bounding box
@@ -186,6 +186,22 @@ def is_open_above(points: LayerPoints, sections: Sections) -> Bool:
             break
         order = some[np.argsort(above[some], kind="stable")]
         result[order[contain_points(sections.solid, points.xy[order], above[order])]] = False
+    return result
+
+
+def are_uncovered(points: LayerPoints, bins: FacetBins, sections: Sections) -> Bool:
+    """Return at which points (N,) with a surface in the layer nothing of the part is above the layer.
+
+    Beside the section of the next layer may be a surface of another body that is too low in that layer to be filled.
+    """
+    result = is_open_above(points, sections)
+    plan, above = sections.plan, points.layer + 1
+    some = np.flatnonzero(result & (above < plan.n_layers))
+    low, high = points.top[some] + _BESIDE, (plan.bottom + bins.tops.rule.min_height / 2)[above[some]]
+    steepest = np.full(len(some), np.inf)
+    result[some[bins.find_facets(LayerPoints(points.xy[some], above[some], low, high, steepest)) >= 0]] = (
+        False
+    )
     return result
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, frozen_array
 from printer_slicer.geometry.vectors import are_in_triangles
+from printer_slicer.healing.nesting import compute_winding_numbers
 from printer_slicer.inspection.coverage.contoured_sections import find_least_height
 from printer_slicer.inspection.coverage.extrusions import Extrusions, Purpose
 from printer_slicer.inspection.coverage.stack import Stack
@@ -19,6 +20,7 @@ from printer_slicer.values import Struct, force_setattr, replace
 __all__ = ["SurfaceErrors", "find_surface", "measure_surface_errors"]
 
 _ROUNDING: Final = 1e-9  # mm
+_ABOVE: Final = 1e-4  # mm over a surface; there, a point is inside only if another body covers the surface
 _CELL: Final = 1.0  # mm, cells in which facets and points are joined
 _MAX_PAIRS: Final = 1 << 20  # bounds the memory
 _PIECE: Final = 0.5  # mm
@@ -108,6 +110,19 @@ def _split_extrusions(beads: Extrusions) -> tuple[Extrusions, Int]:
 
 def _measure_errors(parts: Sequence[Mesh], stack: Stack, beads: Extrusions, layer: Int) -> Float:
     """Return how far (B,) each extrusion is above the highest allowed top, or below the lowest (negative), mm."""
+    surface, gradient = _find_surfaces(parts, stack, beads, layer)
+    error = _compare_heights(stack, beads, layer, surface, gradient)
+    hidden = _find_hidden_surfaces(
+        parts, stack.group[layer], (beads.begin + beads.end) / 2, surface, error > 0
+    )
+    if not len(hidden):
+        return error
+    surface[hidden], gradient[hidden] = np.nan, np.nan
+    return _compare_heights(stack, beads, layer, surface, gradient)
+
+
+def _find_surfaces(parts: Sequence[Mesh], stack: Stack, beads: Extrusions, layer: Int) -> tuple[Float, Float]:
+    """Return height (B,), mm, and gradient (B,) of the surface at each extrusion; nan where there is none."""
     top, bottom = stack.top[layer], stack.bottom[layer]
     middle, group = (beads.begin + beads.end) / 2, stack.group[layer]
     surface, gradient = np.full(len(layer), np.nan), np.full(len(layer), np.nan)
@@ -119,6 +134,35 @@ def _measure_errors(parts: Sequence[Mesh], stack: Stack, beads: Extrusions, laye
         lowered = beads.is_contoured[own] & (beads.purpose[own] == Purpose.EXTERNAL_PERIMETER)
         above = own[lowered & np.isnan(surface[own])]
         gradient[above] = find_surface(parts[one], middle[above], top[above], top[above] + _MAX_WALL_DEPTH)[1]
+    return surface, gradient
+
+
+def _find_hidden_surfaces(
+    parts: Sequence[Mesh], group: Int, points: Float, surface: Float, chosen: Bool
+) -> Int:
+    """Return those of the points `chosen` (B,) whose surface lies inside the part, because bodies overlap.
+
+    Args:
+        parts: one for each group.
+        group: (B,) of each point.
+        points: (B, 2) mm.
+        surface: (B,) its height, mm; nan where there is none.
+        chosen: (B,) which points to look at.
+    """
+    found = []
+    some = np.flatnonzero(chosen & ~np.isnan(surface))
+    for one in np.unique(group[some]).tolist():
+        own = some[group[some] == one]
+        places = np.column_stack([points[own], surface[own] + _ABOVE])
+        triangles = parts[one].triangles
+        inside = compute_winding_numbers(triangles, np.zeros(len(triangles), np.int64), places)[0]
+        found.append(own[inside])
+    return np.concatenate(found) if found else some
+
+
+def _compare_heights(stack: Stack, beads: Extrusions, layer: Int, surface: Float, gradient: Float) -> Float:
+    """Return the errors (B,) of `_measure_errors` for surfaces (B,) with gradients (B,); nan where there is none."""
+    top, bottom = stack.top[layer], stack.bottom[layer]
     height, known = top - bottom, ~np.isnan(surface)
     surface, gradient = np.where(known, surface, top), np.nan_to_num(gradient)
     nearest = np.maximum(surface, bottom + find_least_height(stack))

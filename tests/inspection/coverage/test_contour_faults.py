@@ -27,7 +27,7 @@ from tests.contoured_gcode import (
     level,
     wedge,
 )
-from tests.parts import box_with_hole, joined, loft
+from tests.parts import box, box_with_hole, joined, loft
 
 SEEDS = (1, 2, 3)
 Change = Callable[[Line], Line | None]
@@ -67,6 +67,24 @@ def test_narrow_sections_on_a_steep_top_need_what_is_below_the_surface() -> None
     text = gcode_of(slice_part(mesh, profile), profile)
 
     assert check_gcode(text, mesh).findings == ()
+
+
+@pytest.mark.parametrize("name", ["ends inside another body", "goes on above the layer"])
+def test_surfaces_that_another_body_covers_are_not_followed(name: str) -> None:
+    """Bodies overlap: perimeters of one cross the surface of the other, or a flat is under a slope by little."""
+    wedge, dome = contoured_parts.wedge, contoured_parts.dome
+    bodies = {
+        "ends inside another body": [
+            wedge(8.0, (20.0, 20.0)),
+            box((4.0, 4.0, 6.0), (8.0, 8.0, 0.0)),
+            dome(15.0, 2.0).moved((15.0, 10.0, 0.0)),
+        ],
+        "goes on above the layer": [wedge(7.0, (30.0, 15.0)), box((1.4, 8.0, 2.3), (11.0, 3.0, 0.0))],
+    }
+    settings = {"quality.layer_height": 0.2, "quality.planner.kind": "uniform", "quality.z_contouring": True}
+    profile, mesh = load_profile("marlin_220", "pla", "standard", settings), joined(bodies[name])
+
+    assert check_gcode(gcode_of(slice_part(mesh, profile), profile), mesh).findings == ()
 
 
 def test_high_layers_of_a_shallow_cone_have_the_material_they_need() -> None:
