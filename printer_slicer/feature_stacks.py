@@ -129,7 +129,8 @@ def _clip_between(part: Mesh, ranges: Sequence[FeatureRange]) -> Float:
         max(part.height, ranges[-1].high),
     ]
     pairs = zip(borders[::2], borders[1::2], strict=True)
-    return np.concatenate([clip_facets(part.triangles, low, high) for low, high in pairs if low < high])
+    clips = [clip_facets(part.triangles, low, high) for low, high in pairs if low < high]
+    return np.concatenate([np.zeros((0, 3, 3)), *clips])
 
 
 def _plan_range(meshes: Sequence[Mesh], between: Float, profile: Profile) -> list[LayerPlan]:

@@ -20,8 +20,9 @@ from printer_slicer.model import ObjectStack
 from printer_slicer.pipeline import plan_objects, slice_stages
 from printer_slicer.surface import certify_stacks
 from tests.cli.command_line import typed
+from tests.contoured_parts import dome, wedge
 from tests.mesh_io.tiny_files import binary_stl
-from tests.parts import box, plain, sphere
+from tests.parts import box, joined, plain, sphere
 from tests.surface.distances import distance_to_mesh, wrong_points
 from tests.towers import optimal, towers
 
@@ -40,6 +41,15 @@ def test_towers_stand_apart_between_base_and_roof() -> None:
 def test_a_part_without_towers_has_no_features() -> None:
     assert find_feature_ranges(sphere(6.0), 0.01, 1.5) == []
     assert len(plan_objects(box((8.0, 8.0, 5.0)), optimal())) == 1
+
+
+def test_parts_that_stand_apart_from_bed_to_top_are_planned() -> None:
+    """Nothing is below, between or above them."""
+    part = joined([wedge(10.0), dome(12.0, 2.0).moved((30.0, 0.0, 0.0))])
+
+    assert max(one.plan.top[-1] for one in plan_objects(part, optimal())) == pytest.approx(
+        part.height, abs=0.1
+    )
 
 
 def test_clips_of_consecutive_ranges_are_the_whole_surface() -> None:
