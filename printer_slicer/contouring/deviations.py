@@ -153,6 +153,8 @@ def measure_deviations(
     )
     chosen = np.flatnonzero(bins.tops.is_contoured[paths.layer] & roles_with(is_part=True)[paths.role])
     chosen = np.flatnonzero(find_paths_near(paths, chosen, bins))
+    if not len(chosen):
+        return found
     promised = rule.bound_deviations(rule.find_max_slopes(plan.height))
     larger = []
     for batch in split_by_length(paths, chosen, _SPACING):

@@ -13,14 +13,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from printer_slicer.arrays import Bool, Float, Int, consecutive, run_starts
-from printer_slicer.contouring.tops import Tops, find_tops
+from printer_slicer.contouring.tops import Tops, find_flats_at_tops, find_tops
 from printer_slicer.geometry import contain_points
 from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.geometry.vectors import are_in_triangles, cross
 from printer_slicer.kernel import load_kernel
 from printer_slicer.model import ContourRule, LayerPlan, Mesh, Sections
 from printer_slicer.model.layers import SAME_TOP
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
 __all__ = ["FacetBins", "LayerPoints", "are_uncovered", "find_facet_bins", "is_open_above"]
 
@@ -28,6 +28,7 @@ _CELL: Final = 0.5  # mm
 _SMALL_FACET: Final = 9  # cells of its bounding box
 _PAIRS_AT_ONCE: Final = 1 << 20  # bounds the memory for pairs of points and facets
 _BESIDE: Final = 1e-4  # mm; a point this far outside a facet is on it, so that none falls between two facets
+_SAME_HEIGHT: Final = 0.005  # mm; a flat this near to the top of a layer is at this top
 _ROUNDING: Final = 1e-6  # mm, and tangents of slopes
 
 
@@ -67,6 +68,7 @@ class FacetBins(Struct, frozen=True, eq=False):
         followed: (B,) whether extrusions follow any of the facets.
         tops: the facets.
         plane: (T, 3) z of the plane of each facet at x = y = 0, mm, and its slopes in x and y.
+        flats: bins of the level facets at the tops of layers; None without any.
         columns: (T, 13) for the kernel: `plane`, slope and corners in x and y of each facet, and three lower limits of
             twice the area of the triangle between a point on it and each of its sides, mm².
     """
@@ -80,6 +82,7 @@ class FacetBins(Struct, frozen=True, eq=False):
     tops: Tops
     plane: Float
     columns: Float
+    flats: FacetBins | None = None
 
     @classmethod
     def from_tops(cls, tops: Tops) -> FacetBins:
@@ -169,6 +172,9 @@ def find_facet_bins(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float 
         return known[3]
     tops = find_tops(mesh, plan, rule, lift)
     bins = FacetBins.from_tops(tops) if tops else None
+    flats = find_flats_at_tops(tops) if tops else None
+    if bins and flats:
+        bins = replace(bins, flats=FacetBins.from_tops(flats))
     _latest[mesh] = plan, rule, lift, bins
     return bins
 
@@ -192,9 +198,13 @@ def is_open_above(points: LayerPoints, sections: Sections) -> Bool:
 def are_uncovered(points: LayerPoints, bins: FacetBins, sections: Sections) -> Bool:
     """Return at which points (N,) with a surface in the layer nothing of the part is above the layer.
 
-    Beside the section of the next layer may be a surface of another body that is too low in that layer to be filled.
+    Beside the section of the next layer may be a surface of another body that is too low in that layer to be filled,
+    or a flat at the top of this layer.
     """
     result = is_open_above(points, sections)
+    if bins.flats:
+        low, high = points.top - _SAME_HEIGHT, points.top + _SAME_HEIGHT
+        result &= bins.flats.find_facets(replace(points, bottom=low, top=high)) < 0
     plan, above = sections.plan, points.layer + 1
     some = np.flatnonzero(result & (above < plan.n_layers))
     low, high = points.top[some] + _BESIDE, (plan.bottom + bins.tops.rule.min_height / 2)[above[some]]

@@ -11,9 +11,17 @@ from printer_slicer.geometry.facet_topology import expand_counts
 from printer_slicer.model import ContourRule, LayerPlan, Mesh
 from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.surface.contoured_tops import select_shallow_facets
-from printer_slicer.values import Struct
+from printer_slicer.values import Struct, replace
 
-__all__ = ["BESIDE_RATIO", "LEVEL_REACH", "NARROW_REACH", "Tops", "find_tops", "list_reached_layers"]
+__all__ = [
+    "BESIDE_RATIO",
+    "LEVEL_REACH",
+    "NARROW_REACH",
+    "Tops",
+    "find_flats_at_tops",
+    "find_tops",
+    "list_reached_layers",
+]
 
 BESIDE_RATIO: Final = 1.5
 """Beside followed surfaces may be surfaces up to this many times as steep."""
@@ -79,6 +87,22 @@ def find_tops(mesh: Mesh, plan: LayerPlan, rule: ContourRule, lift: float = 0.0)
     reaching, layer = reaching[kept], layer[kept]
     followed = slope[reaching] <= steepest[layer] + _ROUNDING
     return Tops(plan, rule, corners, slope, reaching, layer, followed, lift) if followed.any() else None
+
+
+def find_flats_at_tops(tops: Tops) -> Tops | None:
+    """Return the level facets at the tops of layers, with these layers; None if there are none.
+
+    Extrusions need not follow them, but where bodies overlap, they cover lower surfaces in their layer.
+    """
+    z = tops.corners[..., 2]
+    low, high = z.min(axis=1), z.max(axis=1)
+    nearest = np.clip(np.searchsorted(tops.plan.top, low - _MIN_REACH), 0, tops.plan.n_layers - 1)
+    is_at_top = (high - low < _MIN_REACH) & (np.abs(tops.plan.top[nearest] - high) <= _MIN_REACH)
+    facet = np.flatnonzero(is_at_top & tops.is_contoured[nearest])
+    if not len(facet):
+        return None
+    facet = facet[np.argsort(nearest[facet], kind="stable")]
+    return replace(tops, facet=facet, layer=nearest[facet], followed=np.ones(len(facet), np.bool_))
 
 
 def list_reached_layers(

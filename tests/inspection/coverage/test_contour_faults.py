@@ -69,7 +69,7 @@ def test_narrow_sections_on_a_steep_top_need_what_is_below_the_surface() -> None
     assert check_gcode(text, mesh).findings == ()
 
 
-@pytest.mark.parametrize("name", ["ends inside another body", "goes on above the layer"])
+@pytest.mark.parametrize("name", ["ends inside another body", "goes on above the layer", "ends at the top"])
 def test_surfaces_that_another_body_covers_are_not_followed(name: str) -> None:
     """Bodies overlap: perimeters of one cross the surface of the other, or a flat is under a slope by little."""
     wedge, dome = contoured_parts.wedge, contoured_parts.dome
@@ -80,6 +80,7 @@ def test_surfaces_that_another_body_covers_are_not_followed(name: str) -> None:
             dome(15.0, 2.0).moved((15.0, 10.0, 0.0)),
         ],
         "goes on above the layer": [wedge(7.0, (30.0, 15.0)), box((1.4, 8.0, 2.3), (11.0, 3.0, 0.0))],
+        "ends at the top": [box((10.0 - 0.9 * step, 6.0, 1.0 + 0.07 * step)) for step in range(9)],
     }
     settings = {"quality.layer_height": 0.2, "quality.planner.kind": "uniform", "quality.z_contouring": True}
     profile, mesh = load_profile("marlin_220", "pla", "standard", settings), joined(bodies[name])
