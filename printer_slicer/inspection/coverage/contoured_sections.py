@@ -1,7 +1,8 @@
 """Extend the sections of a part to what contoured extrusions fill: the surface below the middle of a layer.
 
 A slicer that plans for contoured tops extends its layers on slopes up to an angle. So slopes are divided into classes,
-and a class counts if contoured extrusions cover most of its surface. Layers without any contoured extrusion are level.
+and a class counts if contoured extrusions cover most of its surface among them. Where there are none, layers are level:
+a slicer may not extend them there, so that they keep a tolerance.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from printer_slicer.arrays import Float, Int
-from printer_slicer.geometry import Areas, close_gaps, difference, intersection, normalize, union
+from printer_slicer.geometry import Areas, close_gaps, difference, intersection, normalize, offset, union
 from printer_slicer.geometry.slab_projection import project_slabs
 from printer_slicer.inspection.coverage.extrusions import weighted_median
 from printer_slicer.inspection.coverage.stack import Stack
@@ -32,6 +33,10 @@ _MIN_HEIGHTS: Final = 0.02, 0.2  # mm, smallest and largest least height of an e
 _LOWEST_EDGE: Final = 0.02  # mm above the bottom of a layer
 _MAX_GAP: Final = 0.02  # mm between a section and its extension, from rounding
 _SAME_HEIGHT: Final = 1e-3  # mm
+_REACH: Final = (
+    1.5  # extrusion widths between contoured extrusions, half of the widest gap that is still among them
+)
+_MARGIN: Final = 0.15  # extrusion widths beside contoured extrusions, as far as sections are extended
 
 
 def find_least_height(stack: Stack) -> float:
@@ -61,11 +66,14 @@ def add_contoured_slopes(parts: Sequence[Mesh], stack: Stack, sections: Areas) -
     has_contours[stack.layer[contoured]] = True
     beads = stack.beads.take(contoured)
     size = weighted_median(beads.width, beads.length), find_least_height(stack)
+    reach, margin = _REACH * size[0], _MARGIN * size[0]
+    around = offset(offset(printed, reach), margin - reach)
     shallow = [select_shallow_facets(part.triangles, _MAX_GRADIENT)[:2] for part in parts]
     facets = [(part.triangles[facet], slope) for part, (facet, slope) in zip(parts, shallow, strict=True)]
     for one, is_edge in product(range(_N_CLASSES), (False, True)):
         slope = _project_class(facets, stack, one, size, is_edge=is_edge).of_layers(has_contours)
         slope = difference(slope, sections)
+        slope = intersection(slope, around)
         area = float(slope.area().sum())
         if area > 0 and intersection(slope, printed).area().sum() > _MIN_COVERED * area:
             sections = close_gaps(union(sections, slope), _MAX_GAP / 2)

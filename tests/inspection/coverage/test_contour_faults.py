@@ -27,7 +27,7 @@ from tests.contoured_gcode import (
     level,
     wedge,
 )
-from tests.parts import box, box_with_hole, joined, loft
+from tests.parts import box, box_with_hole, joined, loft, pyramid
 
 SEEDS = (1, 2, 3)
 Change = Callable[[Line], Line | None]
@@ -84,6 +84,22 @@ def test_surfaces_that_another_body_covers_are_not_followed(name: str) -> None:
     }
     settings = {"quality.layer_height": 0.2, "quality.planner.kind": "uniform", "quality.z_contouring": True}
     profile, mesh = load_profile("marlin_220", "pla", "standard", settings), joined(bodies[name])
+
+    assert check_gcode(gcode_of(slice_part(mesh, profile), profile), mesh).findings == ()
+
+
+def test_sections_may_be_level_around_places_that_break_the_tolerance() -> None:
+    """Around these places, sections are not extended."""
+    slope = joined([contoured_parts.wedge(12.0), pyramid(6.0, 5.0)])
+    mesh = joined(
+        [
+            slope,
+            contoured_parts.dome().moved((40.0, 0.0, 0.0)),
+            contoured_parts.wedge(18.0, (8.0, 8.0)).moved((70.0, 0.0, 0.0)),
+        ]
+    )
+    changes = {"quality.z_contouring": True, "quality.tolerance": 0.08}
+    profile = load_profile("marlin_220", "pla", "adaptive", changes)
 
     assert check_gcode(gcode_of(slice_part(mesh, profile), profile), mesh).findings == ()
 
