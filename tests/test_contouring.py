@@ -14,7 +14,7 @@ from benchmarks.contour_bounds import sample_part
 from printer_slicer import bead, geometry
 from printer_slicer.arrays import Bool, Float
 from printer_slicer.contouring import FacetBins, find_inexact_layers, find_tops, make_contour_rule
-from printer_slicer.contouring.deviations import SurfaceErrors
+from printer_slicer.contouring.deviations import TopErrors
 from printer_slicer.contouring.fine_points import FinePoints
 from printer_slicer.contouring.surface_heights import LayerPoints
 from printer_slicer.contouring.z_profiles import (
@@ -373,7 +373,7 @@ def test_errors_are_compared_with_the_nearest_facet(seed: int, size: float) -> N
     layer = np.floor((low[:, 2] + 2.5) / 0.3).astype(np.int64)
     known = np.where(random.random(30) < 0.5, np.inf, random.uniform(0, 0.7, 30))
 
-    found = SurfaceErrors(low, high, layer, known).refine(facets, 0.7).deviation
+    found = TopErrors(low, high, layer, known).refine(facets, 0.7).deviation
 
     for one in range(30):
         ends = (np.repeat(end[one : one + 1], len(facets), axis=0) for end in (low, high))

@@ -19,7 +19,7 @@ from printer_slicer.model import ContourDeviations, ContourRule, Mesh, Sections,
 from printer_slicer.roles import roles_with
 from printer_slicer.values import Struct, replace
 
-__all__ = ["SurfaceErrors", "measure_deviations"]
+__all__ = ["TopErrors", "measure_deviations"]
 
 _SPACING: Final = 0.2  # mm along extrusions
 _MIN_GAP: Final = 1e-6  # mm below the layer above
@@ -32,7 +32,7 @@ _NO_LENGTH: Final = 1e-12  # mm
 _FAN: Final = 0.3  # radians between two of them
 
 
-class SurfaceErrors(Struct, frozen=True, eq=False):
+class TopErrors(Struct, frozen=True, eq=False):
     """Upright lines between the top of an extrusion and the surface, or the bottom of the next layer.
 
     Attributes:
@@ -47,12 +47,12 @@ class SurfaceErrors(Struct, frozen=True, eq=False):
     layer: Int
     deviation: Float
 
-    def take(self, some: Int | Bool) -> SurfaceErrors:
+    def take(self, some: Int | Bool) -> TopErrors:
         """Return some of the lines."""
-        return SurfaceErrors(self.low[some], self.high[some], self.layer[some], self.deviation[some])
+        return TopErrors(self.low[some], self.high[some], self.layer[some], self.deviation[some])
 
     @classmethod
-    def joined(cls, parts: Sequence[SurfaceErrors]) -> SurfaceErrors:
+    def joined(cls, parts: Sequence[TopErrors]) -> TopErrors:
         """Return the lines of all parts."""
         low, high, layer, deviation = (
             np.concatenate([getattr(one, name) for one in parts])
@@ -60,7 +60,7 @@ class SurfaceErrors(Struct, frozen=True, eq=False):
         )
         return cls(low, high, layer, deviation)
 
-    def refine(self, triangles: Float, reach: float) -> SurfaceErrors:
+    def refine(self, triangles: Float, reach: float) -> TopErrors:
         """Return the same lines, compared with all triangles (F, 3, 3) that are within `reach` mm of them.
 
         A triangle is convex, so all points of a line are at most as far from it as the farther end of the line.
@@ -163,14 +163,14 @@ def measure_deviations(
             errors.take(~is_larger).store(found)
             larger.append(errors.take(is_larger))
     triangles = part.triangles + np.array([0.0, 0.0, bins.tops.base])
-    errors = _compare_with_facets(SurfaceErrors.joined(larger), triangles, rule)
+    errors = _compare_with_facets(TopErrors.joined(larger), triangles, rule)
     errors.store(found)
     errors = errors.take(errors.deviation > promised[errors.layer])
     places = np.column_stack([plan.top[errors.layer], errors.low[:, :2], errors.deviation])
     return replace(found, larger=places)
 
 
-def _compare_with_facets(errors: SurfaceErrors, triangles: Float, rule: ContourRule) -> SurfaceErrors:
+def _compare_with_facets(errors: TopErrors, triangles: Float, rule: ContourRule) -> TopErrors:
     """Return errors compared with all facets (F, 3, 3) of the part: most are near one, so these are searched first."""
     farthest = rule.width + _FARTHEST
     for reach in (rule.width / 4, farthest):
@@ -185,7 +185,7 @@ def _compare_with_facets(errors: SurfaceErrors, triangles: Float, rule: ContourR
 
 def _list_errors(
     paths: Toolpaths, bins: FacetBins, sections: Sections, rule: ContourRule
-) -> Iterator[SurfaceErrors]:
+) -> Iterator[TopErrors]:
     """Yield the errors of some paths: at their centre lines, at their borders, and of gaps over these."""
     fine = FinePoints.of(paths, _SPACING)
     layer = paths.layer[fine.owner]
@@ -235,7 +235,7 @@ def _make_points(xy: Float, layer: Int, sections: Sections) -> LayerPoints:
 
 def _compare_places(
     place: Float, layer: Int, centre: Int, part: tuple[FacetBins, Sections, ContourRule]
-) -> Iterator[SurfaceErrors]:
+) -> Iterator[TopErrors]:
     """Yield the errors between places on extrusions and the surface, and those of gaps under the next layer.
 
     Args:
@@ -261,7 +261,7 @@ def _compare_places(
     beyond = np.maximum(border - surface, 0.0)
     place_on_section = place[some] - beyond[:, None] * [0.0, 0.0, 1.0]
     deviation = measure_distances_from_triangles(place_on_section, bins.tops.corners[facet[some]])
-    yield SurfaceErrors(place_on_section, np.column_stack([points.xy[some], surface]), layer[some], deviation)
+    yield TopErrors(place_on_section, np.column_stack([points.xy[some], surface]), layer[some], deviation)
     gap = np.flatnonzero(~is_open & (place[:, 2] < points.top - _MIN_GAP))
     under_next = np.column_stack([points.xy[gap], points.top[gap]])
-    yield SurfaceErrors(place[gap], under_next, layer[gap], np.full(len(gap), np.inf))
+    yield TopErrors(place[gap], under_next, layer[gap], np.full(len(gap), np.inf))
