@@ -22,14 +22,12 @@ from printer_slicer.values import Struct, replace
 __all__ = ["TopErrors", "measure_deviations"]
 
 _SPACING: Final = 0.2  # mm along extrusions
-_MIN_GAP: Final = 1e-6  # mm below the layer above
-_MIN_TURN: Final = 0.05  # radians, of a corner around which places are measured
-_FARTHEST: Final = (
-    0.25  # mm from a followed surface to the side of an extrusion that is still lowered, at most
-)
-_SQUARE: Final = 0.5  # mm
+_MIN_GAP: Final = 1e-6  # mm below the next layer
+_MIN_TURN: Final = 0.05  # radians; sharper corners have places around their outer side
+_FAN: Final = 0.3  # radians between neighbouring places around a corner or an end, at most
+_FARTHEST: Final = 0.25  # mm along a path from a followed surface to where it is level again, at most
+_SQUARE: Final = 0.5  # mm, smallest side of the squares in which facets are searched
 _NO_LENGTH: Final = 1e-12  # mm
-_FAN: Final = 0.3  # radians between two of them
 
 
 class TopErrors(Struct, frozen=True, eq=False):
