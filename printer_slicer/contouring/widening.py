@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from printer_slicer.arrays import Int
 from printer_slicer.contouring.tops import NARROW_REACH, Tops, list_reached_layers
 from printer_slicer.geometry import (
     Areas,
@@ -20,7 +21,6 @@ from printer_slicer.geometry import (
 )
 from printer_slicer.geometry.slab_projection import project_pieces
 from printer_slicer.model import ContourRule
-from printer_slicer.model.layers import SAME_TOP
 from printer_slicer.values import Struct
 
 __all__ = ["ReachedAreas", "find_reached_areas"]
@@ -74,16 +74,10 @@ def find_reached_areas(tops: Tops, rule: ContourRule) -> ReachedAreas:
         tops: from `find_tops`.
         rule: least height and width of extrusions.
     """
-    plan = tops.plan
-    low = np.minimum(plan.bottom + rule.min_height / 2, plan.cut)
-    facet, layer = tops.facet[tops.followed], tops.layer[tops.followed]
-    lower = _leave_out_level_places(
-        normalize(project_pieces(tops.corners[facet], layer, low, plan.cut)), tops
-    )
-    flat = tops.slope[facet] * rule.width < _LEVEL_RISE
-    level = _leave_out_level_places(
-        normalize(project_pieces(tops.corners[facet[flat]], layer[flat], low, plan.cut)), tops
-    )
+    plan, followed = tops.plan, np.flatnonzero(tops.followed)
+    lower = _find_below_cut(tops, followed, rule)
+    is_level = tops.slope[tops.facet[followed]] * rule.width < _LEVEL_RISE
+    level = _find_below_cut(tops, followed[is_level], rule)
     around, layer = list_reached_layers(tops.corners, tops.slope, plan, rule, 1.0)
     used = lower.used[layer]
     high = plan.top + rule.width * rule.find_max_slopes(plan.height)
@@ -91,16 +85,22 @@ def find_reached_areas(tops: Tops, rule: ContourRule) -> ReachedAreas:
     return ReachedAreas(lower, level, surface, rule.width / 2)
 
 
-def _leave_out_level_places(areas: Areas, tops: Tops) -> Areas:
-    """Return areas without those around places where layers stay level."""
+def _find_below_cut(tops: Tops, some: Int, rule: ContourRule) -> Areas:
+    """Return where the surface is below the cut and an extrusion may be as low, but not around level places.
+
+    Args:
+        tops: the facets.
+        some: (n,) indices of reached layers and their facets.
+        rule: least height of extrusions.
+    """
+    plan = tops.plan
+    low = np.minimum(plan.bottom + rule.min_height / 2, plan.cut)
+    areas = normalize(project_pieces(tops.corners[tops.facet[some]], tops.layer[some], low, plan.cut))
     if not tops.rule.level_places:
         return areas
     place = np.array(sorted(tops.rule.level_places))
-    place[:, 0] += tops.base
-    layer = tops.plan.find_tops(place[:, 0])
-    known = np.append(tops.plan.top, np.inf)[layer] < place[:, 0] + SAME_TOP
-    layer, xy = layer[known], place[known, 1:]
-    corners = NARROW_REACH * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    squares = (xy[:, None] + corners).reshape(-1, 2)
-    start = 4 * np.arange(len(layer) + 1)
-    return difference(areas, normalize(Areas(squares, start, layer, areas.n_layers)))
+    top, xy = place[:, 0] + tops.base, place[:, 1:]
+    known = plan.has_tops(top)
+    layer, xy = plan.find_tops(top[known]), xy[known]
+    around = Areas.from_boxes(xy - NARROW_REACH, xy + NARROW_REACH, layer, areas.n_layers)
+    return difference(areas, normalize(around))

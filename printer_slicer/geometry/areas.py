@@ -66,6 +66,14 @@ class Areas(SvgRepr, Struct, frozen=True, eq=False):
         return cls(xy, np.cumsum(sizes), np.array([layer for layer, _ in kept], dtype=np.int64), len(rings))
 
     @classmethod
+    def from_boxes(cls, low: Float, high: Float, layer: Int, n_layers: int) -> Areas:
+        """Build a stack of rectangles with lower and upper corners (n, 2), mm, on layers (n,), ascending."""
+        right = np.column_stack([high[:, 0], low[:, 1]])
+        left = np.column_stack([low[:, 0], high[:, 1]])
+        xy = np.stack([low, right, high, left], axis=1).reshape(-1, 2)
+        return cls(xy, 4 * np.arange(len(low) + 1), layer, n_layers)
+
+    @classmethod
     def from_buffers(cls, made: tuple[bytes, bytes, bytes], n_layers: int) -> Areas:
         """Return a stack of rings that the compiled kernel made: points, offsets and layers."""
         xy, start, layer = made

@@ -73,15 +73,11 @@ class ContourRule(Struct, frozen=True):
 
     def find_contoured(self, top: Float) -> Bool:
         """Return which layers with tops (n,), mm, may be contoured."""
-        level = np.sort(np.asarray(self.level_tops, np.float64))
-        first, end = (np.searchsorted(level, top + side * SAME_TOP) for side in (-1, 1))
-        return np.asarray(first == end)
+        return ~_are_among(top, self.level_tops)
 
     def find_partly_level(self, top: Float) -> Bool:
         """Return which layers with tops (n,), mm, stay level around some places."""
-        level = np.sort(np.array([place[0] for place in self.level_places], np.float64))
-        first, end = (np.searchsorted(level, top + side * SAME_TOP) for side in (-1, 1))
-        return np.asarray(first < end)
+        return _are_among(top, [place[0] for place in self.level_places])
 
     def are_beside_level_places(self, xy: Float, top: Float, reach: float) -> Bool:
         """Return which points are at most `reach` mm in x and y from a level place of their layer.
@@ -103,6 +99,13 @@ class ContourRule(Struct, frozen=True):
         if self.max_slope:
             return np.full(len(height), self.steepest)
         return np.minimum(_MAX_RISE * height / self.width, self.steepest)
+
+
+def _are_among(tops: Float, others: Sequence[float] | Float) -> Bool:
+    """Return which tops (n,) of layers, mm, are the same as one of the others."""
+    known = np.sort(np.asarray(others, np.float64))
+    first, end = (np.searchsorted(known, tops + side * SAME_TOP) for side in (-1, 1))
+    return np.asarray(first < end)
 
 
 class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
@@ -210,6 +213,10 @@ class LayerPlan(SvgRepr, Struct, frozen=True, eq=False):
         """Return the indices of the layers with these tops (n,), mm."""
         return np.searchsorted(self.top, tops - SAME_TOP)
 
+    def has_tops(self, tops: Float) -> Bool:
+        """Return which of some tops (n,), mm, are those of layers."""
+        return _are_among(tops, self.top)
+
     @property
     def height(self) -> Float:
         """Layer heights (L,), mm."""
@@ -242,8 +249,7 @@ class ContourDeviations(Struct, frozen=True, eq=False):
     def select_layers(self, tops: Float) -> ContourDeviations:
         """Return those of the layers with these tops (n,), mm."""
         layers = np.searchsorted(self.top, tops - SAME_TOP)
-        found = np.searchsorted(tops, self.larger[:, 0] - SAME_TOP)
-        known = np.append(tops, np.inf)[found] < self.larger[:, 0] + SAME_TOP
+        known = _are_among(self.larger[:, 0], tops)
         return ContourDeviations(tops, self.deviation[layers], self.place[layers], self.larger[known])
 
     @classmethod

@@ -130,9 +130,9 @@ def _clip_to_bed(areas: Areas, profile: Profile) -> Areas:
     low, high = np.array(profile.printer.corners)
     if not areas.n_rings or ((areas.xy >= low).all() and (areas.xy <= high).all()):
         return areas
-    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
     n_layers = areas.n_layers
-    bed = Areas(np.tile(corners, (n_layers, 1)), 4 * np.arange(n_layers + 1), np.arange(n_layers), n_layers)
+    size = (n_layers, 1)
+    bed = Areas.from_boxes(np.tile(low, size), np.tile(high, size), np.arange(n_layers), n_layers)
     return intersection(areas, bed)
 
 

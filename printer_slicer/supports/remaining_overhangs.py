@@ -60,10 +60,5 @@ def _draw_places(groups: list[UnsupportedPoints], n_layers: int) -> Areas:
     first = np.flatnonzero(begins)
     low = grid.find_middles(cell[first]) - _CELL / 2
     high = grid.find_middles(cell[np.append(first[1:], len(cells)) - 1]) + _CELL / 2
-    corners = np.stack(
-        [low, np.column_stack([high[:, 0], low[:, 1]]), high, np.column_stack([low[:, 0], high[:, 1]])]
-    )
-    rows = Areas(
-        np.swapaxes(corners, 0, 1).reshape(-1, 2), 4 * np.arange(len(first) + 1), layer[first], n_layers
-    )
+    rows = Areas.from_boxes(low, high, layer[first], n_layers)
     return offset(normalize(rows), _MARGIN)
