@@ -1,4 +1,4 @@
-"""Find layers whose contoured perimeters break the tolerance before they are filled, and make them again.
+"""Find layers whose contoured perimeters exceed the tolerance, and make them again before the infill.
 
 Where a followed surface is beside a steep one or ends, an extrusion may have to stay higher than the surface. The
 perimeters show nearly all of these places. Layers that the rest of the print shows to break the tolerance are changed

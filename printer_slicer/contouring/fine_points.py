@@ -60,7 +60,7 @@ class FinePoints(Struct, frozen=True, eq=False):
 
 
 def _find_lines(length: Float, start: Int) -> Int:
-    """Return for each point (N,) the first point from it on whose line is not empty, or else the last one before.
+    """Return the point (N,) where the next line with a length begins, or else the last such line of the path.
 
     Args:
         length: (N,) of the lines that begin at the points, mm.

@@ -66,7 +66,7 @@ def add_contour_rule(plan: LayerPlan, profile: Profile) -> LayerPlan:
 
 
 class InexactLayers(NamedTuple):
-    """What does not keep the tolerance of a plan, by how it can be mended.
+    """Layers whose extrusions exceed the tolerance of a plan, by what has to change.
 
     Attributes:
         places: layers that keep it if they are level around some places: tops, x and y, mm.
@@ -80,7 +80,7 @@ class InexactLayers(NamedTuple):
 
 
 def find_inexact_layers(stack: ObjectStack, tolerance: Float) -> InexactLayers:
-    """Find the layers of a stack whose printed extrusions do not keep the tolerance (L,), mm.
+    """Find the layers of a stack whose printed extrusions exceed the tolerance (L,), mm.
 
     A layer is made level around the places where it does not, and everywhere if that was not enough.
     """
